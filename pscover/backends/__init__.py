@@ -1,0 +1,1 @@
+"""Engines, one a file; the names are the file names with hyphens."""

@@ -1,0 +1,92 @@
+"""CVXPY in matrix form, solved by HiGHS: what the modelling layer adds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from pscover.model import Model
+from pscover.result import Answer, Observer, Settings, Status
+
+from ._session import Session, without_variables
+from .highs import options, release_threads
+
+
+def load(model: Model) -> Any:
+    """The model as a `cvxpy.Problem` with one vector variable."""
+    import cvxpy
+
+    whole = np.flatnonzero(model.integer)
+    integer: Any = True if len(whole) == model.variables else [(int(i),) for i in whole]
+    x = cvxpy.Variable(model.variables, integer=integer, bounds=[0, model.ub])
+    equal = model.lo == model.hi
+    below, above = np.isfinite(model.lo) & ~equal, np.isfinite(model.hi) & ~equal
+    rows = []
+    if equal.any():
+        rows.append(model.A[np.flatnonzero(equal)] @ x == model.lo[equal])
+    if below.any():
+        rows.append(model.A[np.flatnonzero(below)] @ x >= model.lo[below])
+    if above.any():
+        rows.append(model.A[np.flatnonzero(above)] @ x <= model.hi[above])
+    return cvxpy.Problem(cvxpy.Minimize(model.c @ x), rows)
+
+
+@dataclass(frozen=True, slots=True)
+class Cvxpy:
+    """CVXPY (Diamond and Boyd 2016) with HiGHS underneath: no start, and only the end is reported."""
+
+    name: ClassVar[str] = "cvxpy"
+    exact: ClassVar[bool] = True
+    isolated: ClassVar[bool] = True
+    requires: ClassVar[tuple[str, ...]] = ("cvxpy",)
+    extra: ClassVar[str] = "cvxpy"
+
+    def refuses(self, model: Model) -> str | None:
+        """CVXPY with HiGHS takes every model with one objective."""
+        return None
+
+    def solve(self, model: Model, settings: Settings, observe: Observer) -> Answer:
+        """Compile, solve by branch and bound; only the end is reported."""
+        session = Session(model, settings, observe)
+        trivial = without_variables(session)
+        if trivial is not None:
+            return trivial
+        import cvxpy
+
+        problem = load(model)
+        if session.start():
+            return session.answer(Status.UNKNOWN)
+        release_threads()
+        asked = options(replace(settings, gap=session.gap), session.left)
+        try:
+            problem.solve(solver=cvxpy.HIGHS, verbose=False, ignore_dpp=True, **asked)
+        except cvxpy.SolverError as error:
+            return session.answer(Status.UNKNOWN, str(error))
+        return _conclude(problem, session)
+
+
+def _conclude(problem: Any, session: Session) -> Answer:
+    import cvxpy
+
+    status = problem.status
+    if status == cvxpy.INFEASIBLE:
+        return session.answer(Status.INFEASIBLE)
+    x = problem.variables()[0].value
+    if x is not None:
+        # At a limit without a plan HiGHS' zeros arrive here as if they were one.
+        session.claimed(x)
+    discrete = session.model.integer.any()
+    bound = getattr(problem.solver_stats.extra_stats, "mip_dual_bound", -np.inf) if problem.solver_stats else -np.inf
+    if discrete:
+        session.bounded(bound + session.model.offset)
+    if status == cvxpy.OPTIMAL and session.chosen is not None:
+        if not discrete:
+            session.bounded(problem.value + session.model.offset)
+        return session.answer(Status.OPTIMAL)
+    limit = status == cvxpy.settings.USER_LIMIT
+    return session.answer(Status.UNKNOWN, "" if limit else str(status), timed_out=limit)
+
+
+backend = Cvxpy

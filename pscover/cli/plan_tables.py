@@ -1,0 +1,83 @@
+"""A plan of grasps as tables."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from rich.table import Table
+from rich.text import Text
+
+from pscover.cli.tables import facts, grid, verified
+from pscover.cli.words import NOTHING, count, listed, number, spread
+from pscover.planning import Plan
+from pscover.result import Status, Stop
+from pscover.verify import Verification
+
+
+def plan_headline(plan: Plan) -> Text:
+    """What the plan does and what is proven of it."""
+    garments, grasps = plan.scene.garments, count(len(plan.grasps), "grasp")
+    if garments == 0:
+        return Text("nothing lies on the surface: no grasp is needed")
+    if not plan.grasps:
+        return Text(f"no plan for {count(garments, 'garment')}: {_proof(plan)}", style="bold red")
+    each = f"{'it' if garments == 1 else 'each'} with probability >= {spread(plan.instance.required)}"
+    if not plan.unmet:
+        done = f"{grasps} {'removes' if len(plan.grasps) == 1 else 'remove'} {count(garments, 'garment')}, {each}"
+        return Text(done, style="bold").append(f"; {_proof(plan)}", style="default not bold")
+    short = f"{grasps} for {count(garments, 'garment')}, but {len(plan.unmet)} less surely removed than required"
+    return Text(short, style="bold yellow").append(f"; {_proof(plan)}", style="default not bold")
+
+
+def _proof(plan: Plan) -> str:
+    status = (plan.strict or plan.result).status
+    drawn = count(plan.instance.candidates, "candidate")
+    if status is Status.OPTIMAL:
+        return f"proven optimal: no plan from these {drawn} needs fewer"
+    if status is Status.INFEASIBLE:
+        return f"proven: no plan from these {drawn} meets every requirement; this one comes closest"
+    why = {Stop.TIME: "time limit", Stop.INTERRUPT: "interrupted"}.get(plan.result.stop, "")
+    ended = f" ({why})" if why else ""
+    if status is Status.UNKNOWN:
+        return f"a plan that meets every requirement was neither found nor ruled out{ended}"
+    if not math.isfinite(plan.bound):
+        return f"not proven optimal{ended}"
+    return f"not proven optimal{ended}: at least {number(plan.bound)} are needed"
+
+
+def grasp_table(plan: Plan) -> Table:
+    """The grasps in the order of execution."""
+    table = grid(("#", "right"), ("x px", "right"), ("y px", "right"), ("angle", "right"), ("removes, with probability", "left"))
+    for k, grasp in enumerate(plan.grasps, start=1):
+        removes = ", ".join(f"{removal.name} {removal.probability:.2f}" for removal in grasp.removes)
+        table.add_row(str(k), f"{grasp.x:.0f}", f"{grasp.y:.0f}", f"{math.degrees(grasp.theta):.0f}°", removes)
+    return table
+
+
+def garment_table(plan: Plan) -> Table:
+    """How surely each garment is removed, and by which grasps."""
+    table = grid(("garment", "left"), ("required", "right"), ("removed", "right"), ("by grasps", "left"))
+    by: dict[int, list[str]] = {}
+    for k, grasp in enumerate(plan.grasps, start=1):
+        for removal in grasp.removes:
+            by.setdefault(removal.garment, []).append(str(k))
+    unmet = set(plan.unmet)
+    for j, name in enumerate(plan.scene.names):
+        removed = Text(f"{plan.coverage[j]:.3f}", style="bold yellow" if j in unmet else "")
+        grasps = listed(by[j], 12) if j in by else NOTHING
+        table.add_row(name, number(float(plan.instance.required[j])), removed, grasps + (" (short)" if j in unmet else ""))
+    return table
+
+
+def plan_facts(plan: Plan, verification: Verification, picture: Path | None, drawing: float) -> Table:
+    """Expectation, times, the check, and where the picture went."""
+    stages = f"candidates {plan.seconds.candidates:.2f} s, solve {plan.seconds.solve:.2f} s"
+    rows: list[tuple[str, str | Text]] = [
+        ("expected", f"{plan.expected_removed:.1f} of {count(plan.scene.garments, 'garment')} removed"),
+        ("time", f"{stages}, picture {drawing:.2f} s" if drawing else stages),
+        *verified(plan.result, verification),
+    ]
+    if picture is not None:
+        rows.append(("picture", str(picture)))
+    return facts(rows)

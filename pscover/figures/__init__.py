@@ -1,0 +1,1 @@
+"""Figures, one a file; matplotlib is imported only here."""

@@ -1,0 +1,1 @@
+"""Instances made to order, each reproducible from its arguments and a seed; one kind a file."""

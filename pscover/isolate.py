@@ -1,0 +1,229 @@
+"""The near side of an isolated engine: run it in a process of its own, which can be ended when the time is over.
+
+Engines do not keep their time limits, and some cannot be interrupted at all; a process can. Worker processes are started
+when first needed, kept idle for the next solve, and killed when an engine overruns. Any number of threads may solve at
+once, each with a worker of its own. No signal handler is installed and no module of the caller is imported again.
+"""
+
+from __future__ import annotations
+
+import atexit
+import itertools
+import json
+import os
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from pscover.backend import Backend
+from pscover.clock import Clock
+from pscover.errors import EngineFailed
+from pscover.instance import IntArray
+from pscover.model import Model
+from pscover.result import Answer, Progress, Settings, Status, Stop
+from pscover.worker import READY, Failure, Halt, Job, Reply, failure, receive, send
+
+BOOT = "import sys, json; sys.path[:] = json.loads(sys.argv[1]); from pscover.worker import main; main()"
+IDLE_LIMIT = 4
+HALT_PATIENCE = 0.25
+"""Seconds an engine that was asked to stop has before its process is ended."""
+
+_numbers = itertools.count()
+
+
+class Worker:
+    """One worker process and the two threads that talk to it."""
+
+    def __init__(self) -> None:
+        self.path = list(sys.path)
+        environment = dict(os.environ, OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", BOOT, json.dumps(self.path)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            bufsize=0,
+            start_new_session=True,
+            env=environment,
+        )
+        self.owner = os.getpid()
+        self.is_ready = False
+        self.inbox: queue.SimpleQueue[Reply | None] = queue.SimpleQueue()
+        self.outbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self._pipes = (self.process.stdin, self.process.stdout)
+        self._threads = [
+            threading.Thread(target=self._speak, args=(self.process.stdin.fileno(),), daemon=True),
+            threading.Thread(target=self._listen, args=(self.process.stdout.fileno(),), daemon=True),
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def _speak(self, fd: int) -> None:
+        while (message := self.outbox.get()) is not None:
+            try:
+                send(fd, message)
+            except OSError:
+                return
+            except Exception as error:
+                self.inbox.put(Reply(READY, failure(error)))
+
+    def _listen(self, fd: int) -> None:
+        while True:
+            try:
+                self.inbox.put(receive(fd))
+            except (EOFError, OSError):
+                self.inbox.put(None)
+                return
+            except Exception as error:
+                self.inbox.put(Reply(READY, failure(error)))
+
+    def end(self) -> None:
+        """Kill the process and let the threads run out."""
+        self.process.kill()
+        self.process.wait()
+        self.outbox.put(None)
+        for thread in self._threads:
+            thread.join(timeout=1.0)
+        for pipe in self._pipes:
+            pipe.close()
+
+
+_idle: list[Worker] = []
+_lock = threading.Lock()
+
+
+def _hire() -> Worker:
+    with _lock:
+        while _idle:
+            worker = _idle.pop()
+            if worker.owner != os.getpid():
+                continue
+            if worker.process.poll() is None and worker.path == sys.path:
+                return worker
+            worker.end()
+    return Worker()
+
+
+def _release(worker: Worker) -> None:
+    with _lock:
+        if len(_idle) < IDLE_LIMIT:
+            _idle.append(worker)
+            return
+    worker.end()
+
+
+@atexit.register
+def shut_down() -> None:
+    """End all idle workers; runs by itself when the interpreter exits."""
+    with _lock:
+        workers, _idle[:] = [w for w in _idle if w.owner == os.getpid()], []
+    for worker in workers:
+        worker.end()
+
+
+def warm_up() -> None:
+    """Start a worker process now, so that the first solve under a short deadline need not wait for it (about 0.4 s)."""
+    worker = _hire()
+    _release(worker)
+
+
+def run(backend: Backend, model: Model, settings: Settings, observe: Callable[[Progress], bool], clock: Clock) -> Answer:
+    """`backend.solve` in a worker process, ended at the deadline of `clock`.
+
+    Returns
+    -------
+    Answer
+        The engine's, or if it had to be ended, the best plan and bound that it had reported by then.
+
+    Raises
+    ------
+    EngineFailed
+        If the engine raised or its process died, and it had reported no plan.
+    """
+    worker = _hire()
+    number = next(_numbers)
+    deadline = time.monotonic() + min(max(0.9 * clock.left, clock.left - 0.1), 1e9)
+    worker.outbox.put(Job(number, backend, model, settings, deadline))
+    last = Progress(seconds=0.0, objective=float("inf"), bound=float("-inf"))
+    best: IntArray | None = None
+    ended_by = Stop.FINISHED
+    patience = clock.left + 0.02
+    end = time.monotonic() + min(patience, 1e9)
+    try:
+        while True:
+            try:
+                reply = worker.inbox.get(timeout=max(0.0, end - time.monotonic()))
+            except queue.Empty:
+                ended_by = Stop.TIME if ended_by is Stop.FINISHED else ended_by
+                break
+            if reply is None:
+                return _after_death(worker, best, last, backend)
+            worker.is_ready = True
+            content = reply.content
+            if content is None or reply.number not in (number, READY):
+                continue
+            if isinstance(content, Answer):
+                _release(worker)
+                return content if ended_by is Stop.FINISHED else replace(content, stop=ended_by)
+            if isinstance(content, Failure):
+                return _after_failure(worker, content, best, last, backend)
+            last = content
+            best = content.chosen if content.chosen is not None else best
+            if observe(content) and ended_by is Stop.FINISHED:
+                ended_by = Stop.OBSERVER
+                worker.outbox.put(Halt(number))
+                end = min(end, time.monotonic() + HALT_PATIENCE)
+    except KeyboardInterrupt:
+        ended_by = Stop.INTERRUPT
+    except BaseException:
+        worker.end()
+        raise
+    if worker.is_ready:
+        worker.end()
+        _replace()
+    else:
+        # Still starting: it will find its job overdue and be of use for the next solve.
+        _release(worker)
+    return _partial(best, last, ended_by, "")
+
+
+def _replace() -> None:
+    with _lock:
+        is_needed = not _idle
+    if is_needed:
+        _release(Worker())
+
+
+def _partial(best: IntArray | None, last: Progress, stop: Stop, message: str) -> Answer:
+    status = Status.UNKNOWN if best is None else Status.FEASIBLE
+    return Answer(status=status, chosen=best, bound=last.bound, stop=stop, message=message)
+
+
+def _after_death(worker: Worker, best: IntArray | None, last: Progress, backend: Backend) -> Answer:
+    code = worker.process.wait()
+    worker.end()
+    return _salvage(f"the process of backend {backend.name!r} died (exit code {code})", best, last)
+
+
+def _after_failure(worker: Worker, failed: Failure, best: IntArray | None, last: Progress, backend: Backend) -> Answer:
+    if failed.error is not None:
+        _release(worker)
+        raise failed.error
+    worker.end()
+    what = f"backend {backend.name!r} failed: {failed.line}"
+    if "__main__" in failed.line:
+        what += "; an isolated backend must be importable: define it in a module of its own, or set isolated = False"
+    return _salvage(what, best, last)
+
+
+def _salvage(what: str, best: IntArray | None, last: Progress) -> Answer:
+    if best is None:
+        raise EngineFailed(what)
+    return _partial(best, last, Stop.FINISHED, what)

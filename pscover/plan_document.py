@@ -1,0 +1,129 @@
+"""A plan as a JSON document, for the robot that executes it: schema "pscover.plan/1"."""
+
+from __future__ import annotations
+
+import math
+from os import PathLike
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+
+from pscover.files import write_bytes
+from pscover.planning import Grasp, Plan
+
+
+class RemovalV1(Struct):
+    """A garment and the probability that the grasp removes it."""
+
+    garment: str
+    label: int
+    probability: float
+
+
+class GraspV1(Struct):
+    """A grasp: point in pixels and in centimetres from the image's top left pixel, angle in radians."""
+
+    x: float
+    y: float
+    x_cm: float
+    y_cm: float
+    theta: float
+    basket_cm: float
+    removes: list[RemovalV1]
+
+
+class GarmentV1(Struct):
+    """A garment: its name and label, q_j, and how probably the plan removes it."""
+
+    name: str
+    label: int
+    required: float
+    coverage: float
+
+
+class PlanV1(Struct, tag_field="schema", tag="pscover.plan/1"):
+    """Grasps in order of execution, and what is known of them; a bound or objective that is not known is null."""
+
+    source: str
+    instance: str
+    width: int
+    height: int
+    pixels_per_cm: float
+    basket: tuple[float, float]
+    status: str
+    stop: str
+    formulation: str
+    backend: str
+    seed: int
+    bound: float | None
+    expected_removed: float
+    seconds: dict[str, float]
+    grasps: list[GraspV1]
+    garments: list[GarmentV1]
+    unmet: list[str]
+
+
+def document(plan: Plan) -> PlanV1:
+    """The plan in the form in which it is written."""
+    scene, result = plan.scene, plan.result
+    garments = zip(scene.names, scene.values, plan.instance.required, plan.coverage, strict=True)
+    return PlanV1(
+        source=scene.source,
+        instance=plan.instance.digest,
+        width=scene.shape[1],
+        height=scene.shape[0],
+        pixels_per_cm=scene.pixels_per_cm,
+        basket=scene.basket,
+        status=str((plan.strict or result).status),
+        stop=str(result.stop),
+        formulation=result.formulation,
+        backend=result.backend,
+        seed=result.settings.seed,
+        bound=plan.bound if math.isfinite(plan.bound) else None,
+        expected_removed=plan.expected_removed,
+        seconds={"candidates": plan.seconds.candidates, "solve": plan.seconds.solve},
+        grasps=[_grasp(plan, grasp) for grasp in plan.grasps],
+        garments=[GarmentV1(name, int(label), float(q), float(p)) for name, label, q, p in garments],
+        unmet=[scene.names[j] for j in plan.unmet],
+    )
+
+
+def encode_plan(plan: Plan) -> bytes:
+    """The plan as JSON text in UTF-8, indented.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pscover.planning import plan
+    >>> text = encode_plan(plan(np.ones((40, 40), dtype=int)))
+    >>> text[:28], text.count(b'"theta"')
+    (b'{\\n  "schema": "pscover.plan/1"', 1)
+    """
+    return msgspec.json.format(msgspec.json.encode(document(plan)), indent=2) + b"\n"
+
+
+def save_plan(plan: Plan, path: str | PathLike[str]) -> None:
+    """Write the plan to a JSON file, whole or not at all.
+
+    Raises
+    ------
+    PscoverError
+        If the file cannot be written; an existing file is then as it was.
+    """
+    write_bytes(Path(path), encode_plan(plan))
+
+
+def _grasp(plan: Plan, grasp: Grasp) -> GraspV1:
+    scale = plan.scene.pixels_per_cm
+    return GraspV1(
+        x=grasp.x,
+        y=grasp.y,
+        x_cm=grasp.x / scale,
+        y_cm=grasp.y / scale,
+        theta=grasp.theta,
+        basket_cm=grasp.distance / scale,
+        removes=[
+            RemovalV1(removal.name, int(plan.scene.values[removal.garment]), removal.probability) for removal in grasp.removes
+        ],
+    )

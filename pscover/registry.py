@@ -1,0 +1,136 @@
+"""Names to things: a module in the right folder is registered by lying there; outsiders register by entry point.
+
+A plug-in module `pscover/<kind>/<name>.py` has one module-level name for its class: `formulation`, `backend`, `segmenter` or
+`policy`. Names treat `-` and `_` alike. Nothing is imported until it is asked for.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import pkgutil
+from dataclasses import fields
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Any, cast
+
+import msgspec
+
+from pscover.backend import Backend
+from pscover.errors import InvalidSettings, MissingDependency, PscoverError, UnknownName
+from pscover.formulation import Formulation
+
+PACKAGES = {"formulation": "pscover.formulations", "backend": "pscover.backends"}
+
+
+@cache
+def _modules(kind: str) -> tuple[str, ...]:
+    package = PACKAGES[kind]
+    try:
+        found = importlib.import_module(package)
+    except ModuleNotFoundError as error:
+        if error.name != package:
+            raise
+        raise PscoverError(
+            f"{package} is not importable: this looks like a bare checkout; run `pip install -e .` in the repository"
+        ) from None
+    return tuple(sorted(m.name for m in pkgutil.iter_modules(found.__path__) if not m.name.startswith("_")))
+
+
+@cache
+def _outside(kind: str) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for entry in entry_points(group=PACKAGES[kind]):
+        name = _module_name(entry.name)
+        if name in _modules(kind) or name in found:
+            raise PscoverError(f"entry point {entry.name!r} ({entry.value}): a {kind} of that name exists already")
+        found[name] = entry
+    return found
+
+
+def _module_name(name: str) -> str:
+    return name.replace("-", "_").lower()
+
+
+def names(kind: str) -> tuple[str, ...]:
+    """The names registered for a kind ("formulation" or "backend"), sorted.
+
+    Examples
+    --------
+    >>> "clique" in names("formulation"), "highs" in names("backend")
+    (True, True)
+    """
+    return tuple(sorted(_class(kind, name).name for name in (*_modules(kind), *_outside(kind))))
+
+
+@cache
+def _class(kind: str, module: str) -> Any:
+    if module in _modules(kind):
+        return getattr(importlib.import_module(f"{PACKAGES[kind]}.{module}"), kind)
+    return _outside(kind)[module].load()
+
+
+def lookup(kind: str, name: str) -> Any:
+    """The class registered under a name.
+
+    Raises
+    ------
+    UnknownName
+        With the nearest name and all known ones.
+    """
+    module = _module_name(name)
+    if module not in _modules(kind) and module not in _outside(kind):
+        raise UnknownName.among(kind, name, names(kind))
+    return _class(kind, module)
+
+
+def make(kind: str, name: str, options: dict[str, Any] | None = None) -> Any:
+    """The thing registered under a name, with its parameters; text is converted to the parameter's type.
+
+    Raises
+    ------
+    UnknownName, InvalidSettings
+        For an unknown name; for an unknown parameter or a value that does not fit.
+    """
+    found = lookup(kind, name)
+    known = [f.name for f in fields(found)]
+    for option in options or {}:
+        if option not in known:
+            raise UnknownName.among(f"parameter of {kind} {found.name!r}", option, known)
+    try:
+        return msgspec.convert(options or {}, type=found, strict=False)
+    except msgspec.ValidationError as error:
+        raise InvalidSettings(f"{kind} {found.name!r}: {error}") from None
+
+
+def formulation(name: str, options: dict[str, Any] | None = None) -> Formulation:
+    """The formulation of that name, with parameters.
+
+    Examples
+    --------
+    >>> formulation("budgeted", {"budget": "3"}).budget
+    3.0
+    """
+    return cast(Formulation, make("formulation", name, options))
+
+
+def missing(backend_class: Any) -> tuple[str, ...]:
+    """The packages that a backend needs and that are not installed; nothing is imported."""
+    return tuple(package for package in backend_class.requires if importlib.util.find_spec(package) is None)
+
+
+def backend(name: str, options: dict[str, Any] | None = None) -> Backend:
+    """The backend of that name, with parameters.
+
+    Raises
+    ------
+    UnknownName, InvalidSettings
+        As `make`.
+    MissingDependency
+        With the pip line, if its packages are not installed.
+    """
+    found = lookup("backend", name)
+    absent = missing(found)
+    if absent:
+        raise MissingDependency.for_extra(f"backend {found.name!r}", absent, found.extra)
+    return cast(Backend, make("backend", name, options))

@@ -1,0 +1,167 @@
+"""One solve's search: run the engine, objective by objective, and keep the best plan by evidence and not by claim."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from pscover import isolate
+from pscover.backend import Backend
+from pscover.clock import Clock
+from pscover.errors import Refused
+from pscover.formulation import Formulation, Relation
+from pscover.goal import Evidence
+from pscover.instance import Instance, IntArray
+from pscover.model import Model
+from pscover.result import VALUE_TOLERANCE, Answer, Observer, Progress, Settings, Status, Stop
+
+CUT_ROUNDS = 50
+"""How often a plan that an engine's tolerances let through is cut off before its shortfall is reported instead."""
+
+
+@dataclass
+class Search:
+    """The best plan so far over all the runs of one solve, and the trace of how it got better.
+
+    Parameters
+    ----------
+    instance, formulation
+        What is solved, and towards which goal.
+    clock
+        Started when the solve was called.
+    observe
+        The caller's observer.
+    """
+
+    instance: Instance
+    formulation: Formulation
+    clock: Clock
+    observe: Observer
+
+    def __post_init__(self) -> None:
+        self.plan: IntArray | None = None
+        self.evidence: Evidence | None = None
+        self.trace: list[Progress] = []
+        self.stopped = False
+
+    @property
+    def objective(self) -> float:
+        """First objective of the best feasible plan; infinite while there is none."""
+        return float(self.evidence.value[0]) if self.evidence is not None and self.has_feasible_plan else math.inf
+
+    @property
+    def has_feasible_plan(self) -> bool:
+        """Whether the best plan meets every requirement of the goal."""
+        return self.evidence is not None and self.evidence.is_feasible
+
+    def weigh(self, chosen: IntArray) -> Evidence:
+        """What a plan is worth, in floating point."""
+        return self.formulation.goal.evaluate(self.instance, chosen.tolist(), float)
+
+    def offer(self, chosen: IntArray) -> bool:
+        """Take the plan if it is better than the best; True if it was taken."""
+        if len(self.instance.conflicts.broken_by(chosen)):
+            return False
+        evidence = self.weigh(chosen)
+        if self.evidence is not None and not _is_better(evidence, self.evidence):
+            return False
+        self.plan, self.evidence = chosen, evidence
+        self.plan.setflags(write=False)
+        return True
+
+    def note(self, bound: float, stage: int) -> Callable[[Progress], bool]:
+        """The observer of one run: stamps, checks and passes on what the engine reports."""
+
+        def seen(progress: Progress) -> bool:
+            taken = progress.chosen is not None and self.offer(progress.chosen)
+            last = self.trace[-1].bound if self.trace else -math.inf
+            known = max(progress.bound if stage == 0 and not math.isnan(progress.bound) else bound, last)
+            if self.formulation.relation is Relation.RESTRICTION:
+                known = -math.inf
+            mine = Progress(
+                seconds=self.clock.elapsed, objective=self.objective, bound=known, chosen=self.plan if taken else None
+            )
+            if taken or known > last:
+                self.trace.append(mine)
+                self.stopped = bool(self.observe(mine)) or self.stopped
+            return self.stopped
+
+        return seen
+
+    def run(self, engine: Backend, model: Model, settings: Settings) -> Answer:
+        """Run the objectives in order of priority; the answer's bound is that of the first."""
+        first: Answer | None = None
+        extra: list[tuple[csr_array, float]] = []
+        for stage, objective in enumerate((model.c, *model.then)):
+            staged = model if not model.then else model.with_objective(objective)
+            for row, limit in extra:
+                staged = staged.with_rows(row, np.array([-np.inf]), np.array([limit]))
+            answer = self._exactly(engine, staged, settings, stage, -math.inf if first is None else first.bound)
+            if self.plan is not None:
+                settings = replace(settings, start=tuple(self.plan.tolist()))
+            first = answer if first is None else first
+            if answer.status is not Status.OPTIMAL or self.evidence is None:
+                status = Status.FEASIBLE if stage and answer.status is Status.INFEASIBLE else answer.status
+                return replace(answer, bound=first.bound, status=status)
+            reached = float(self.evidence.value[stage])
+            row = csr_array(objective[None, :])
+            extra.append((row, reached + VALUE_TOLERANCE * max(1.0, abs(reached))))
+        assert first is not None
+        return replace(answer, bound=first.bound)
+
+    def _exactly(self, engine: Backend, model: Model, settings: Settings, stage: int, bound: float) -> Answer:
+        """Run one engine on one objective; cut off plans that only its tolerances let through, and run again."""
+        reason = engine.refuses(model)
+        if reason is not None:
+            raise Refused(f"backend {engine.name!r} refuses formulation {self.formulation.name!r}: {reason}")
+        problem = self.instance.with_margin(settings.margin)
+        for _ in range(CUT_ROUNDS):
+            answer = self._engine(engine, model, replace(settings, time=max(self.clock.left, 1e-3)), stage, bound)
+            if answer.chosen is None or self.formulation.relation is Relation.RESTRICTION:
+                return answer
+            self.offer(answer.chosen)
+            if self.weigh(answer.chosen).is_feasible or answer.stop is not Stop.FINISHED or self.clock.is_over:
+                return answer
+            groups = self.formulation.goal.missing(problem, answer.chosen.tolist())
+            if any(len(group) == 0 for group in groups):
+                return Answer(status=Status.INFEASIBLE, chosen=None, bound=answer.bound, message=answer.message)
+            if not groups:
+                return answer
+            model = _cut(model, groups)
+        return answer
+
+    def _engine(self, engine: Backend, model: Model, settings: Settings, stage: int, bound: float) -> Answer:
+        seen = self.note(bound, stage)
+        if engine.isolated:
+            answer = isolate.run(engine, model, settings, seen, self.clock)
+        else:
+            try:
+                answer = engine.solve(model, settings, seen)
+            except KeyboardInterrupt:
+                answer = Answer(status=Status.UNKNOWN, chosen=None, bound=-math.inf, stop=Stop.INTERRUPT)
+        seen(Progress(seconds=0.0, objective=math.inf, bound=answer.bound, chosen=answer.chosen))
+        return answer
+
+
+def _cut(model: Model, groups: list[Any]) -> Model:
+    starts = np.cumsum([0, *(len(group) for group in groups)])
+    members = np.concatenate([np.asarray(group, dtype=np.int32) for group in groups])
+    rows = csr_array((np.ones(len(members)), members, starts), shape=(len(groups), model.variables))
+    return model.with_rows(rows, np.ones(len(groups)), np.full(len(groups), np.inf))
+
+
+def _is_better(new: Evidence, old: Evidence) -> bool:
+    if new.is_feasible != old.is_feasible:
+        return new.is_feasible
+    if not new.is_feasible:
+        return sum(new.shortfall) < sum(old.shortfall)
+    for a, b in zip(new.value, old.value, strict=True):
+        slack = VALUE_TOLERANCE * max(1.0, abs(float(a)), abs(float(b)))
+        if abs(float(a) - float(b)) > slack:
+            return a < b
+    return False

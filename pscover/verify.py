@@ -1,0 +1,219 @@
+"""Check a result against its instance in exact rational arithmetic, without any solver.
+
+Every stored double is a rational number; products of them are compared as fractions, never as logarithms. What can be
+recomputed is: the plan's indices and conflicts, the coverage of every element, the requirements, the objective. An
+optimality bound is the engine's word; an infeasibility is re-proven where a single element is out of reach.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from fractions import Fraction
+
+import numpy as np
+
+from pscover import registry
+from pscover.errors import PscoverError
+from pscover.formulation import Formulation, Relation
+from pscover.goal import Evidence, failures
+from pscover.infeasibility import unreachable
+from pscover.instance import TOLERANCE, Instance
+from pscover.result import VALUE_TOLERANCE, Result, Status
+
+AGREEMENT = Fraction(1, 10**9)
+"""Reported and exact numbers agree when they differ by no more than this, relative to the larger of 1 and their size."""
+
+
+class Verdict(StrEnum):
+    """Of one check."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    UNCHECKED = "unchecked"
+    """Nothing in the files proves or refutes it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One thing looked at: what, the verdict, and the numbers in words."""
+
+    what: str
+    verdict: Verdict
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """All checks of one result."""
+
+    checks: tuple[Check, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether no check failed."""
+        return all(check.verdict is not Verdict.FAILED for check in self.checks)
+
+
+def verify(instance: Instance, result: Result) -> Verification:
+    """Recompute everything a result says of an instance.
+
+    Parameters
+    ----------
+    instance
+        The problem.
+    result
+        What is said of it.
+
+    Returns
+    -------
+    Verification
+        Its `passed` is False as soon as one check fails.
+
+    Examples
+    --------
+    >>> from pscover.solve import solve
+    >>> instance = Instance.of([[0.8, 0.75], [0.0, 0.75]], required=0.7)
+    >>> [str(check.verdict) for check in verify(instance, solve(instance, backend="greedy")).checks]
+    ['passed', 'passed', 'passed', 'passed', 'passed', 'passed', 'passed']
+    """
+    checks = [_same_instance(instance, result)]
+    if checks[0].verdict is Verdict.FAILED:
+        return Verification(tuple(checks))
+    if result.chosen is None:
+        return Verification((*checks, *_without_plan(instance, result)))
+    indices = _indices(instance, result)
+    checks.append(indices)
+    if indices.verdict is Verdict.FAILED:
+        return Verification(tuple(checks))
+    chosen = [int(i) for i in result.chosen]
+    broken = instance.conflicts.broken_by(chosen)
+    detail = f"cliques {broken.tolist()[:10]} hold more than one chosen candidate" if len(broken) else "none broken"
+    checks.append(Check("conflicts", _verdict(len(broken) == 0), detail))
+    checks.append(_coverage(instance, result, chosen))
+    try:
+        formulation = registry.formulation(result.formulation, json.loads(result.options))
+    except PscoverError as error:
+        checks.append(Check("requirements", Verdict.UNCHECKED, f"the formulation cannot be rebuilt: {error}"))
+        return Verification(tuple(checks))
+    evidence = formulation.goal.evaluate(instance, chosen, Fraction)
+    checks.append(_requirements(evidence, result))
+    checks.append(_objective(evidence, result))
+    checks.append(_status(evidence, formulation, result))
+    return Verification(tuple(checks))
+
+
+def _verdict(good: bool) -> Verdict:
+    return Verdict.PASSED if good else Verdict.FAILED
+
+
+def _agree(exact: Fraction | float, reported: float) -> bool:
+    if not math.isfinite(reported):
+        return False
+    value = Fraction(exact)
+    return abs(value - Fraction(reported)) <= AGREEMENT * max(Fraction(1), abs(value))
+
+
+def _same_instance(instance: Instance, result: Result) -> Check:
+    same = result.digest == instance.digest
+    detail = instance.digest[:16] if same else f"the result is of {result.digest[:16]}, this is {instance.digest[:16]}"
+    return Check("instance", _verdict(same), detail)
+
+
+def _indices(instance: Instance, result: Result) -> Check:
+    assert result.chosen is not None
+    chosen = result.chosen
+    good = bool((np.diff(chosen) > 0).all() and ((chosen >= 0) & (chosen < instance.candidates)).all())
+    expected = (
+        f"{len(chosen)} distinct candidates" if good else f"expected sorted distinct indices below {instance.candidates}"
+    )
+    return Check("plan", _verdict(good), expected)
+
+
+def _coverage(instance: Instance, result: Result, chosen: list[int]) -> Check:
+    exact = [1 - miss for miss in failures(instance, chosen, Fraction)]
+    if result.coverage is None or len(result.coverage) != len(exact):
+        return Check("coverage", Verdict.FAILED, f"expected {len(exact)} numbers")
+    wrong = [j for j, (e, r) in enumerate(zip(exact, result.coverage, strict=True)) if not _agree(e, float(r))]
+    if wrong:
+        j = wrong[0]
+        detail = f"element {j}: {float(result.coverage[j])} is reported, exact is {float(exact[j])}"
+        return Check("coverage", Verdict.FAILED, detail)
+    lowest = f"lowest {float(min(exact)):.6g}" if exact else "no elements"
+    return Check("coverage", Verdict.PASSED, f"{len(exact)} elements, {lowest}")
+
+
+def _requirements(evidence: Evidence, result: Result) -> Check:
+    worst = max(evidence.shortfall, default=0)
+    if worst == 0:
+        return Check("requirements", Verdict.PASSED, "all met exactly")
+    count = sum(1 for s in evidence.shortfall if s > TOLERANCE)
+    if evidence.is_feasible:
+        detail = f"all met within {TOLERANCE:g}; the worst is short by {float(worst):.3g}"
+        return Check("requirements", Verdict.PASSED, detail)
+    verdict = Verdict.FAILED if result.has_plan else Verdict.UNCHECKED
+    return Check("requirements", verdict, f"{count} missed, the worst by {float(worst):.3g}")
+
+
+def _objective(evidence: Evidence, result: Result) -> Check:
+    exact = ", ".join(f"{float(v):.10g}" for v in evidence.value)
+    if len(evidence.value) == len(result.value) and all(
+        _agree(e, r) for e, r in zip(evidence.value, result.value, strict=True)
+    ):
+        return Check("objective", Verdict.PASSED, exact)
+    reported = ", ".join(f"{v:.10g}" for v in result.value)
+    return Check("objective", Verdict.FAILED, f"{reported} is reported, exact is {exact}")
+
+
+def _status(evidence: Evidence, formulation: Formulation, result: Result) -> Check:
+    claim = str(result.status.value)
+    if result.status is Status.INFEASIBLE:
+        verdict = _verdict(not evidence.is_feasible)
+        return Check("status", verdict, "the plan is feasible" if evidence.is_feasible else claim)
+    if result.has_plan and not evidence.is_feasible:
+        return Check("status", Verdict.FAILED, f"{claim} is reported, but the plan misses a requirement")
+    if result.status is not Status.OPTIMAL:
+        return Check("status", Verdict.PASSED, claim)
+    if formulation.relation is Relation.RESTRICTION:
+        return Check("status", Verdict.FAILED, "optimal is reported, but the formulation is a restriction")
+    objective = float(evidence.value[0])
+    slack = VALUE_TOLERANCE * max(1.0, abs(objective))
+    if result.bound > objective + slack:
+        return Check("status", Verdict.FAILED, f"the bound {result.bound:.10g} is above the plan's {objective:.10g}")
+    if objective - result.bound <= result.settings.gap * abs(objective) + formulation.tolerance + slack:
+        return Check(
+            "status", Verdict.UNCHECKED, f"optimal by the engine's bound {result.bound:.10g}, which has no certificate"
+        )
+    return Check("status", Verdict.FAILED, f"optimal is reported with a bound of {result.bound:.10g}")
+
+
+def _without_plan(instance: Instance, result: Result) -> tuple[Check, ...]:
+    if result.has_plan:
+        return (Check("status", Verdict.FAILED, f"{result.status.value} is reported without a plan"),)
+    if result.status is not Status.INFEASIBLE:
+        return (Check("status", Verdict.PASSED, f"{result.status.value}: nothing is claimed"),)
+    for found in unreachable(instance):
+        ceiling = _exact_ceiling(instance, found.element)
+        if ceiling < Fraction(found.required):
+            detail = f"infeasible: element {found.element} reaches at most {float(ceiling):.6g} of {found.required:g}"
+            return (Check("status", Verdict.PASSED, detail),)
+    return (Check("status", Verdict.UNCHECKED, "infeasible by the engine's word: no single element is out of reach"),)
+
+
+def _exact_ceiling(instance: Instance, element: int) -> Fraction:
+    """No plan covers the element more often: every clique of a partition of its candidates gives its best one."""
+    row = instance.probability[[element], :].tocoo()
+    clique_of: dict[int, int] = {}
+    for k, clique in enumerate(instance.conflicts):
+        for i in clique.tolist():
+            clique_of.setdefault(i, k)
+    best: dict[int, Fraction] = {}
+    for i, p in zip(row.col.tolist(), row.data.tolist(), strict=True):
+        group = clique_of.get(i, -1 - i)
+        best[group] = max(best.get(group, Fraction(0)), Fraction(p))
+    missed = Fraction(1)
+    for p in best.values():
+        missed *= 1 - p
+    return 1 - missed
