@@ -170,15 +170,15 @@ class Instance:
         p = self.probability
         content.update(np.array(p.shape, dtype="<i8").tobytes())
         for array, kind in (
-            (p.indptr, "<i8"),
-            (p.indices, "<i8"),
+            (p.indptr, "<i4"),
+            (p.indices, "<i4"),
             (p.data, "<f8"),
             (self.required, "<f8"),
             (self.cost, "<f8"),
-            (self.conflicts.starts, "<i8"),
-            (self.conflicts.members, "<i8"),
+            (self.conflicts.starts, "<i4"),
+            (self.conflicts.members, "<i4"),
         ):
-            content.update(np.ascontiguousarray(array, dtype=kind).tobytes())
+            content.update(np.ascontiguousarray(array, dtype=kind).data)
         return content.hexdigest()
 
     def log_weights(self) -> csc_array:
@@ -264,7 +264,7 @@ def _canonical(probability: Any) -> csc_array:
         raise InvalidInstance(f"probability: at most 2^31 - 1 rows, columns and entries, got {shape}")
     if np.iscomplexobj(values):
         raise InvalidInstance("probability: expected real numbers, got complex ones")
-    order = np.lexsort((rows, columns))
+    order = np.argsort(columns.astype(np.int64) * shape[0] + rows, kind="stable")
     rows, columns = rows[order], columns[order]
     same = np.flatnonzero((rows[1:] == rows[:-1]) & (columns[1:] == columns[:-1]))
     if len(same):

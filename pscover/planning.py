@@ -93,6 +93,10 @@ class Plan:
         What the plan clears.
     instance
         All candidates that were drawn.
+    sampling
+        How they were drawn.
+    axes
+        The gripper's footprint: length along theta and width across it, in pixels.
     result
         Of the solve that gave the plan, with status and bound.
     strict
@@ -103,13 +107,16 @@ class Plan:
     coverage
         The probability that each garment is removed, shape (garments,).
     bound
-        No plan from these candidates that meets every requirement has fewer grasps; minus infinity if nothing is proven.
+        No plan from these candidates that meets every requirement has fewer grasps: infinite if it is proven
+        that there is none, minus infinity if nothing is.
     seconds
         Where the time went.
     """
 
     scene: Scene
     instance: Instance
+    sampling: Sampling
+    axes: tuple[float, float]
     result: Result
     strict: Result | None
     grasps: tuple[Grasp, ...]
@@ -202,6 +209,8 @@ def plan(
     return Plan(
         scene=scene,
         instance=instance,
+        sampling=sampling,
+        axes=predictor.axes,
         result=result,
         strict=strict,
         grasps=ordered(scene, instance, () if result.chosen is None else result.chosen.tolist()),

@@ -20,7 +20,11 @@ from pscover.backend import Backend
 from pscover.errors import InvalidSettings, MissingDependency, PscoverError, UnknownName
 from pscover.formulation import Formulation
 
-PACKAGES = {"formulation": "pscover.formulations", "backend": "pscover.backends"}
+PACKAGES = {
+    "formulation": "pscover.formulations",
+    "backend": "pscover.backends",
+    "segmenter": "pscover.perception.segmenters",
+}
 
 
 @cache
@@ -53,7 +57,7 @@ def _module_name(name: str) -> str:
 
 
 def names(kind: str) -> tuple[str, ...]:
-    """The names registered for a kind ("formulation" or "backend"), sorted.
+    """The names registered for a kind ("formulation", "backend" or "segmenter"), sorted.
 
     Examples
     --------

@@ -287,9 +287,11 @@ def _compare_optima(formulation: Formulation, model: Model, instance: Instance) 
     best, _ = enumerate_best(instance, goal)
     found = _optimise(model)
     while found is not None and relation is Relation.EXACT:
-        # An engine lets plans through that miss a requirement by less than its tolerance: they are cut off.
-        if goal.evaluate(instance, found.chosen, float).is_feasible:
+        short = max(goal.evaluate(instance, found.chosen, float).shortfall, default=0.0)
+        if short <= TOLERANCE:
             break
+        # An engine lets plans through that miss a requirement by less than its tolerance: only those are cut off.
+        _expect(short <= 10 * SLACK, instance, f"{name}: {found.chosen} falls short by {short}")
         groups = goal.missing(instance, found.chosen)
         _expect(len(groups) > 0, instance, f"{name}: {found.chosen} is not feasible")
         rows = _group_rows(groups, model.variables)
@@ -300,6 +302,8 @@ def _compare_optima(formulation: Formulation, model: Model, instance: Instance) 
         return
     evidence = goal.evaluate(instance, found.chosen, float)
     value = values(evidence)
+    broken = instance.conflicts.broken_by(list(found.chosen))
+    _expect(len(broken) == 0, instance, f"{name}: {found.chosen} breaks the cliques {broken}")
     if relation is Relation.RELAXATION:
         if best is not None:
             _expect(found.value[0] <= best[0] + SLACK * 10, instance, f"{name}: {found.value} is above the best, {best}")
@@ -308,13 +312,11 @@ def _compare_optima(formulation: Formulation, model: Model, instance: Instance) 
             _expect(off <= formulation.tolerance + SLACK * 10, instance, f"{name}: the objective is too low by {off}")
         return
     _expect(evidence.is_feasible, instance, f"{name}: {found.chosen} is not feasible")
-    if best is None:
-        raise AssertionError(f"{name}: the goal finds {found.chosen} feasible, but listing all plans found none")
-    order = _compare(value, best)
+    order = 1 if best is None else _compare(value, best)
     _expect(order >= 0, instance, f"{name}: {value} is better than the best, {best}")
     _expect(_compare(value, found.value) == 0, instance, f"{name}: the model says {found.value}, the goal {value}")
     if relation is Relation.EXACT:
-        _expect(order == 0, instance, f"{name}: expected {best}, got {value}")
+        _expect(order == 0 and best is not None, instance, f"{name}: expected {best}, got {value}")
 
 
 def _group_rows(groups: Sequence[Sequence[int]], variables: int) -> csr_array:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pscover import Instance, InvalidInstance, Meta
@@ -45,6 +45,7 @@ def same_meta(one: Meta, other: Meta) -> bool:
 
 
 @pytest.mark.parametrize("suffix", [".json", ".npz"])
+@settings(deadline=None, max_examples=60)
 @given(instance=described_instances())
 def test_round_trip_gives_an_equal_instance_and_equal_bytes(suffix: str, instance: Instance) -> None:
     with tempfile.TemporaryDirectory() as folder:

@@ -77,10 +77,10 @@ def test_a_wrong_relation_is_noticed() -> None:
 
 
 def test_the_right_relation_passes() -> None:
-    check_formulation(Tampered(CHANGES["too strict"], Relation.RESTRICTION), np.random.default_rng(0), count=60)
-    check_formulation(Tampered(CHANGES["too lax"], Relation.RELAXATION), np.random.default_rng(0), count=60)
+    check_formulation(Tampered(CHANGES["too strict"], Relation.RESTRICTION), np.random.default_rng(0), count=30)
+    check_formulation(Tampered(CHANGES["too lax"], Relation.RELAXATION), np.random.default_rng(0), count=30)
     cheaper = Tampered(lambda model, _: replace(model, offset=-0.3), Relation.RELAXATION, 0.3)
-    check_formulation(cheaper, np.random.default_rng(0), count=60)
+    check_formulation(cheaper, np.random.default_rng(0), count=30)
 
 
 def test_an_objective_off_by_more_than_the_tolerance_is_noticed() -> None:
@@ -106,9 +106,9 @@ class Claimer:
 
     status: Status
     chosen: bool
-    exact: bool = True
 
     name: ClassVar[str] = "claimer"
+    exact: ClassVar[bool] = True
     isolated: ClassVar[bool] = False
     requires: ClassVar[tuple[str, ...]] = ()
     extra: ClassVar[str] = ""
@@ -121,10 +121,16 @@ class Claimer:
         return Answer(status=self.status, chosen=plan, bound=-np.inf)
 
 
-@pytest.mark.parametrize("exact", [True, False])
-def test_a_backend_that_lies_is_noticed(exact: bool) -> None:
+class Guesser(Claimer):
+    """The same, without claiming to be exact."""
+
+    exact: ClassVar[bool] = False
+
+
+@pytest.mark.parametrize("engine", [Claimer, Guesser])
+def test_a_backend_that_lies_is_noticed(engine: type[Claimer]) -> None:
     with pytest.raises(AssertionError):
-        check_backend(Claimer(Status.INFEASIBLE, False, exact))
+        check_backend(engine(Status.INFEASIBLE, False))
 
 
 def test_an_exact_backend_must_find_the_optimum() -> None:
@@ -133,7 +139,7 @@ def test_an_exact_backend_must_find_the_optimum() -> None:
 
 
 def test_a_heuristic_may_find_nothing() -> None:
-    check_backend(Claimer(Status.UNKNOWN, False, exact=False))
+    check_backend(Guesser(Status.UNKNOWN, False))
 
 
 def test_a_picky_backend_is_noticed() -> None:

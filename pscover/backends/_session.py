@@ -43,6 +43,7 @@ class Session:
         self.model = model
         self.settings = settings
         self.observe = observe
+        self.integral = model.is_integral_cost
         self.chosen: IntArray | None = None
         self.objective = math.inf
         self.bound = -math.inf
@@ -106,7 +107,12 @@ class Session:
             return self.over()
 
     def bounded(self, bound: float) -> bool:
-        """Report a proven bound, offset included; ignored unless better. True asks to stop."""
+        """Report a proven bound, offset included; ignored unless better. True asks to stop.
+
+        It is rounded up where the objective is a whole number.
+        """
+        if self.integral and math.isfinite(bound):
+            bound = max(bound, math.ceil(bound - 1e-6 * max(1.0, abs(bound))))
         with self.lock:
             if math.isfinite(bound) and bound > self.bound:
                 self.bound = bound
@@ -127,6 +133,12 @@ class Session:
         self.failure = self.failure or error
         self.asked = True
         return True
+
+    def is_proven(self) -> bool:
+        """Whether the plan meets the bound: to the gap asked for, or to rounding."""
+        if self.chosen is None:
+            return False
+        return self.objective - self.bound <= max(self.settings.gap, 1e-9) * abs(self.objective)
 
     def answer(self, status: Status, message: str = "", *, timed_out: bool = False) -> Answer:
         """The engine's claim, with the best plan and bound reported; raises what the observer raised.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -61,7 +62,10 @@ class Cvxpy:
         release_threads()
         asked = options(replace(settings, gap=session.gap), session.left)
         try:
-            problem.solve(solver=cvxpy.HIGHS, verbose=False, ignore_dpp=True, **asked)
+            with warnings.catch_warnings():
+                # A limit on time makes CVXPY warn that the solution may be inaccurate; the status says the same.
+                warnings.simplefilter("ignore", UserWarning)
+                problem.solve(solver=cvxpy.HIGHS, verbose=False, ignore_dpp=True, **asked)
         except cvxpy.SolverError as error:
             return session.answer(Status.UNKNOWN, str(error))
         return _conclude(problem, session)

@@ -59,8 +59,7 @@ class Greedy:
             if search.complete(session.over) or repair(search, rng, self.moves, session.over):
                 search.reverse_delete()
                 session.plan(search.chosen, search.cost + model.offset)
-        proven = session.objective <= session.bound + 1e-9 * abs(session.bound)
-        return session.answer(Status.OPTIMAL if proven else Status.UNKNOWN)
+        return session.answer(Status.OPTIMAL if session.is_proven() else Status.UNKNOWN)
 
 
 def _improve_start(form: CoverForm, start: tuple[int, ...], session: Session) -> None:

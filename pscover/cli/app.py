@@ -43,6 +43,13 @@ class Program(click.Group):
         found: click.Command = importlib.import_module(f"pscover.cli.{cmd_name}").command
         return found
 
+    def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> click.Context:
+        """Parse; `--help` and `--version` are printed here, perhaps to a reader that went away."""
+        try:
+            return super().make_context(info_name, args, *rest, **extra)
+        except BrokenPipeError as error:
+            raise click.exceptions.Exit(report(error)) from None
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run the subcommand; whatever it raises ends as a line on standard error."""
         try:
@@ -54,7 +61,9 @@ class Program(click.Group):
             code = report(error)
         return code
 
-    def main(self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any) -> Any:
+    def main(  # type: ignore[override]  # click's overloads tell standalone runs from others; this one is always standalone
+        self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any
+    ) -> Any:
         """Run and leave the process with the exit code."""
         extra["standalone_mode"] = False
         try:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pscover.cli.fail import Exit
-from pscover.cli.options import FILE, Names, json_option, quiet_option, settings_options
+from pscover.cli.options import FILE, json_option, names, quiet_option, settings_options
 from pscover.errors import EngineFailed, MissingDependency, Refused
 
 if TYPE_CHECKING:
@@ -72,8 +72,15 @@ class Cell:
 
 @click.command("compare", short_help="Compare backends and formulations on instances.")
 @click.argument("instances", metavar="INSTANCE...", type=FILE, nargs=-1, required=True)
-@click.option("--backends", "-b", type=Names(), help="With commas between them; all by default.")
-@click.option("--formulations", "-f", type=Names(), default=("clique",), help="With commas between them; clique by default.")
+@click.option("--backends", "-b", type=names, metavar="A,B,...", help="With commas between them; all by default.")
+@click.option(
+    "--formulations",
+    "-f",
+    type=names,
+    metavar="A,B,...",
+    default=("clique",),
+    help="With commas between them; clique by default.",
+)
 @settings_options(seconds=10.0)
 @json_option
 @quiet_option
@@ -87,13 +94,13 @@ def command(
 ) -> Exit:
     """Solve each INSTANCE with every backend and formulation, and show what each found, how good and how fast.
 
-    Every plan is checked in exact arithmetic. Engines are started before the clock runs. A cell without a result says why below the table. Ctrl-C shows what is
-    known so far. Exit code 0 if every instance has a verified plan.
+    Every plan is checked in exact arithmetic. Engines are started before the clock runs. A cell without a
+    result says why below the table. Ctrl-C shows what is known so far. Exit code 0 if every instance has a verified plan.
 
     \b
     Examples:
       pscover compare table.json --time 5
-      pscover compare *.json --backends highs,greedy --formulations clique,pairwise
+      pscover compare *.json -b highs,greedy -f clique,pairwise
     """
     from pscover import registry
     from pscover.cli.live import watching
@@ -172,7 +179,7 @@ def contradiction(cells: list[Cell]) -> str:
     """A sentence if one cell's bound rules out another's plan, which cannot be if both are right; else ""."""
     from pscover import registry
     from pscover.goal import Cover
-    from pscover.search import VALUE_TOLERANCE
+    from pscover.result import VALUE_TOLERANCE
 
     known = [
         (cell, cell.result)
@@ -255,7 +262,9 @@ def _print_tables(problems: list[Instance], cells: list[list[Cell]], *, interrup
                 table.add_row(cell.backend, cell.formulation, Text(f"{cell.empty}{mark}", style="dim"))
                 continue
             result = cell.result
-            status = Text(f"WRONG{mark}", style="bold red") if cell.wrong else Text(result.status, style=STYLES[result.status])
+            status = (
+                Text(f"WRONG{mark}", style="bold red") if cell.wrong else Text(result.status, style=STYLES[result.status])
+            )
             table.add_row(
                 *(cell.backend, cell.formulation, status, number(result.objective), number(result.bound)),
                 *(percent(result.gap), seconds(result.timing.total), number(_worst(result))),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pscover.cli.fail import Exit
-from pscover.cli.options import FILE, Assignment, quiet_option
+from pscover.cli.options import FILE, formulation_option, parameter_option, quiet_option
 
 if TYPE_CHECKING:
     from pscover.instance import Instance
@@ -25,8 +25,8 @@ MPS = ".mps"
     type=click.Choice(("scp", "rail", "sts")),
     help="How the numbers of an OR-Library file are arranged, where its ending and content leave it open.",
 )
-@click.option("--formulation", "-f", default="clique", show_default=True, metavar="NAME", help="For .mps: which model.")
-@click.option("--set", "parameters", type=Assignment(), multiple=True, help="A parameter of the formulation; repeatable.")
+@formulation_option
+@parameter_option("--set", "parameters", "formulation")
 @quiet_option
 def command(
     source: Path,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import traceback
@@ -83,7 +84,7 @@ def leave_interrupted() -> Exit:
     # A terminal shows ^C without a line break.
     if sys.stderr.isatty():
         click.echo(err=True)
-    say("interrupted before there was a plan")
+    say("interrupted before there was anything to show")
     return Exit.INTERRUPTED
 
 
@@ -92,7 +93,7 @@ def leave_unread() -> Exit:
     try:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (OSError, ValueError):
-        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115 -- must stay open until the process ends
+        sys.stdout = io.StringIO()
     return Exit.READER_GONE
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from pscover.cli.fail import Exit
-from pscover.cli.options import FILE, Numbers, quiet_option
+from pscover.cli.options import FILE, quiet_option, whole_numbers
 
 PNG = ".png"
 
@@ -21,10 +21,18 @@ def command() -> None:
 @click.option("--count", type=int, default=35, show_default=True, help="How many garments.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of everything random.")
 @click.option("--layout", type=click.Choice(("apart", "piled")), default="apart", show_default=True, help="How they lie.")
-@click.option("--groups", type=Numbers(), default=(), help="Sizes of groups of overlapping garments; with layout apart.")
+@click.option(
+    "--groups",
+    type=whole_numbers,
+    metavar="N,N,...",
+    default=(),
+    help="Sizes of groups of overlapping garments; with layout apart.",
+)
 @click.option("--width", type=int, default=470, show_default=True, help="Of the image in pixels.")
 @click.option("--height", type=int, default=282, show_default=True, help="Of the image in pixels.")
-@click.option("--required", type=float, default=0.7, show_default=True, help="In an instance: the requirement of each garment.")
+@click.option(
+    "--required", type=float, default=0.7, show_default=True, help="In an instance: the requirement of each garment."
+)
 @click.option("--output", "-o", type=FILE, required=True, metavar="FILE", help=".png: the scene; else: its instance.")
 @quiet_option
 def garments_command(
@@ -104,7 +112,7 @@ def psc_command(
 
     \b
     Examples:
-      pscover generate psc --elements 50 --candidates 400 --clique-size 5 -o random.json
+      pscover generate psc --elements 50 --candidates 400 -o random.json
       pscover generate psc --on scp41.txt --required 0.9 -o scp41-psc.json
     """
     from pscover.cli.output import require_writable, wrote

@@ -97,13 +97,18 @@ def _print(instance: Instance, far: tuple[Unreachable, ...]) -> None:
     p, meta, conflicts = instance.probability, instance.meta, instance.conflicts
     cells = instance.elements * instance.candidates
     sizes = spread(np.diff(conflicts.starts))
-    reach = f"{count(len(far), 'requirement')} out of reach of every plan" if far else "each requirement by itself can be met"
+    reach = (
+        f"{count(len(far), 'requirement')} out of reach of every plan" if far else "each requirement by itself can be met"
+    )
     show(
         headline(instance),
         facts(
             [
                 ("source", meta.source or NOTHING),
-                ("probabilities", f"{p.nnz} stored ({percent(p.nnz / cells if cells else 0)} of all pairs), {spread(p.data)}"),
+                (
+                    "probabilities",
+                    f"{p.nnz} stored ({percent(p.nnz / cells if cells else 0)} of all pairs), {spread(p.data)}",
+                ),
                 ("required", spread(instance.required)),
                 ("cost", spread(instance.cost)),
                 ("conflicts", f"{count(len(conflicts), 'clique')} of {sizes} candidates" if len(conflicts) else "none"),

@@ -12,65 +12,45 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)
 
 
-class Assignment(click.ParamType):
+def assignment(text: Any) -> tuple[str, str]:
     """A parameter and its value, written NAME=VALUE."""
-
-    name = "NAME=VALUE"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, str]:
-        """Split at the first equals sign."""
-        if isinstance(value, tuple):
-            return value
-        name, sign, content = str(value).partition("=")
-        if not sign or not name.strip():
-            self.fail(f"expected NAME=VALUE, got {value!r}", param, ctx)
-        return name.strip(), content.strip()
+    if isinstance(text, tuple):
+        return text
+    name, sign, content = str(text).partition("=")
+    if not sign or not name.strip():
+        raise click.BadParameter(f"expected NAME=VALUE, got {text!r}")
+    return name.strip(), content.strip()
 
 
-class Numbers(click.ParamType):
+def whole_numbers(text: Any) -> tuple[int, ...]:
     """Whole numbers with commas between them."""
-
-    name = "N,N,..."
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, ...]:
-        """Split at commas."""
-        if isinstance(value, tuple):
-            return value
-        try:
-            return tuple(int(part) for part in str(value).split(","))
-        except ValueError:
-            self.fail(f"expected whole numbers with commas between them, got {value!r}", param, ctx)
+    if isinstance(text, tuple):
+        return text
+    try:
+        return tuple(int(part) for part in str(text).split(","))
+    except ValueError:
+        raise click.BadParameter(f"expected whole numbers with commas between them, got {text!r}") from None
 
 
-class Point(click.ParamType):
+def point(text: Any) -> tuple[float, float]:
     """A place in the image, written X,Y."""
-
-    name = "X,Y"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float]:
-        """Two numbers with a comma between them."""
-        if isinstance(value, tuple):
-            return value
-        try:
-            x, y = (float(part) for part in str(value).split(","))
-        except ValueError:
-            self.fail(f"expected two numbers with a comma between them, got {value!r}", param, ctx)
-        return x, y
+    if isinstance(text, tuple):
+        return text
+    try:
+        x, y = (float(part) for part in str(text).split(","))
+    except ValueError:
+        raise click.BadParameter(f"expected two numbers with a comma between them, got {text!r}") from None
+    return x, y
 
 
-class Names(click.ParamType):
-    """Names with commas between them."""
-
-    name = "A,B,..."
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, ...]:
-        """Split at commas; nothing between two of them is nothing."""
-        if isinstance(value, tuple):
-            return value
-        found = tuple(part.strip() for part in str(value).split(",") if part.strip())
-        if not found:
-            self.fail("expected at least one name", param, ctx)
-        return found
+def names(text: Any) -> tuple[str, ...]:
+    """Names with commas between them; nothing between two of them is nothing."""
+    if isinstance(text, tuple):
+        return text
+    found = tuple(part.strip() for part in str(text).split(",") if part.strip())
+    if not found:
+        raise click.BadParameter("expected at least one name")
+    return found
 
 
 def together(options: Iterable[Callable[[Command], Command]]) -> Callable[[Command], Command]:
@@ -110,8 +90,44 @@ def quiet_option(command: Command) -> Command:
     return click.option("--quiet", "-q", is_flag=True, help="No live line and no notes on standard error.")(command)
 
 
+def known(kind: str) -> Callable[[click.Context, click.Parameter, str], list[str]]:
+    """Completes the registered names of a kind in a shell."""
+
+    def completed(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[str]:
+        from pscover import registry
+
+        return [name for name in registry.names(kind) if name.startswith(incomplete)]
+
+    return completed
+
+
+def parameter_option(flag: str, target: str, owner: str) -> Callable[[Command], Command]:
+    """A repeatable option NAME=VALUE that sets a parameter of `owner`."""
+    text = f"A parameter of the {owner}; repeatable."
+    return click.option(flag, target, type=assignment, metavar="NAME=VALUE", multiple=True, help=text)
+
+
 def backend_option(command: Command) -> Command:
     """--backend: a name, checked when it is used."""
+    text = "Engine; see `pscover backends`."
     return click.option(
-        "--backend", "-b", default="highs", show_default=True, metavar="NAME", help="Engine; see `pscover backends`."
+        *("--backend", "-b"),
+        default="highs",
+        show_default=True,
+        metavar="NAME",
+        help=text,
+        shell_complete=known("backend"),
+    )(command)
+
+
+def formulation_option(command: Command) -> Command:
+    """--formulation: a name, checked when it is used."""
+    text = "Model; see `pscover formulations`."
+    return click.option(
+        *("--formulation", "-f"),
+        default="clique",
+        show_default=True,
+        metavar="NAME",
+        help=text,
+        shell_complete=known("formulation"),
     )(command)

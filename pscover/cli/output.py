@@ -126,6 +126,14 @@ def require_writable(path: Path | None, inputs: Iterable[Path] = (), suffixes: t
         raise PscoverError(f"{path}: cannot be written: {problem.strerror}") from None
 
 
+def require_distinct(*paths: Path | None) -> None:
+    """Raise if two outputs of one command have the same name."""
+    given = [os.path.realpath(path) for path in paths if path is not None]
+    if len(set(given)) < len(given):
+        twice = next(path for path in given if given.count(path) > 1)
+        raise PscoverError(f"{twice}: is named for two outputs of this command; name two files")
+
+
 def wrote(path: Path, what: str) -> None:
     """Say on standard error where something went."""
     say(f"wrote {what} to {path}")

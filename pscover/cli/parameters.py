@@ -16,10 +16,7 @@ def summary(found: Any) -> str:
 
 def parameters(found: Any) -> list[dict[str, Any]]:
     """Name, type and default of each of its fields, in order."""
-    return [
-        {"name": field.name, "type": str(field.type), "default": _default(field)}
-        for field in dataclasses.fields(found)
-    ]
+    return [{"name": field.name, "type": str(field.type), "default": _default(field)} for field in dataclasses.fields(found)]
 
 
 def written(found: Any) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pscover.cli.fail import Exit, say
-from pscover.cli.options import FILE, Point, backend_option, json_option, quiet_option
+from pscover.cli.options import FILE, backend_option, formulation_option, json_option, parameter_option, point, quiet_option
 
 if TYPE_CHECKING:
     from pscover.grasping.conflicts import Conflicts
@@ -26,13 +26,14 @@ PAPER_SCALE = 4.7
 @click.argument("scene", type=FILE)
 @click.option("--photo", type=FILE, help="Drawn under the plan.  [default: table.jpg or .png beside table.labels.png]")
 @backend_option
-@click.option("--formulation", "-f", default="clique", show_default=True, metavar="NAME", help="See `pscover formulations`.")
+@formulation_option
+@parameter_option("--set", "parameters", "formulation")
 @click.option("--time", "seconds", type=float, default=10.0, show_default=True, metavar="SECONDS", help="Deadline.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of everything random.")
 @click.option(
     "--pixels-per-cm", type=float, default=PAPER_SCALE, show_default=True, help="Scale; the gripper is drawn to it."
 )
-@click.option("--basket", type=Point(), help="In pixels; may lie outside.  [default: middle of the right edge]")
+@click.option("--basket", type=point, metavar="X,Y", help="In pixels; may lie outside.  [default: middle of the right edge]")
 @click.option("--required", type=float, default=0.7, show_default=True, help="Probability to remove each garment.")
 @click.option("--points", type=int, default=5, show_default=True, help="Candidate points in each part.")
 @click.option("--orientations", type=int, default=6, show_default=True, help="Angles at each point.")
@@ -54,6 +55,7 @@ def command(
     photo: Path | None,
     backend: str,
     formulation: str,
+    parameters: tuple[tuple[str, str], ...],
     seconds: float,
     seed: int,
     pixels_per_cm: float,
@@ -78,12 +80,11 @@ def command(
     \b
     Examples:
       pscover generate garments --count 12 -o table.png && pscover plan table.png
-      pscover plan table.labels.png --photo table.jpg --basket 470,141 -o plan.json
+      pscover plan table.labels.png --basket 470,141 -o plan.json
     """
     from pscover import isolate, registry
     from pscover.cli.live import watching
-    from pscover.cli.output import require_writable, wrote
-    from pscover.files import write_bytes
+    from pscover.cli.output import require_distinct, require_writable, wrote
     from pscover.grasping.ellipse import Ellipse
     from pscover.grasping.sampling import Sampling
     from pscover.io import save_instance
@@ -94,10 +95,11 @@ def command(
     from pscover.verify import verify
 
     Settings(time=seconds, seed=seed)
-    engine, form = registry.backend(backend), registry.formulation(formulation)
+    engine, form = registry.backend(backend), registry.formulation(formulation, dict(parameters))
     picture = _picture(scene, figure, no_figure=no_figure, quiet=quiet)
     shown = photo or _sibling(scene)
     inputs = [path for path in (scene, shown) if path is not None]
+    require_distinct(output, picture, instance_file)
     require_writable(output, inputs, suffixes=(".json",))
     require_writable(picture, inputs, suffixes=PICTURES)
     require_writable(instance_file, inputs, suffixes=(".json", ".npz"))
@@ -129,11 +131,10 @@ def command(
         if instance_file is not None:
             save_instance(found.instance, instance_file)
         if picture is not None:
-            from pscover.figures.plan import PlanStyle, render_plan
+            from pscover.figures.plan import save_plan_figure
 
             began = clock.monotonic()
-            style = PlanStyle(axes=gripper.axes, reach=sampling.reach)
-            write_bytes(picture, render_plan(found, picture.suffix.lower().removeprefix("."), style))
+            save_plan_figure(found, picture)
             drawing = clock.monotonic() - began
     finally:
         _print(found, verification, picture, drawing, as_json=as_json)

@@ -8,8 +8,10 @@ from pathlib import Path
 from rich.table import Table
 from rich.text import Text
 
+from pscover import registry
 from pscover.cli.tables import facts, grid, verified
 from pscover.cli.words import NOTHING, count, listed, number, spread
+from pscover.goal import Cover
 from pscover.planning import Plan
 from pscover.result import Status, Stop
 from pscover.verify import Verification
@@ -33,6 +35,9 @@ def plan_headline(plan: Plan) -> Text:
 def _proof(plan: Plan) -> str:
     status = (plan.strict or plan.result).status
     drawn = count(plan.instance.candidates, "candidate")
+    aim = registry.formulation((plan.strict or plan.result).formulation).goal
+    if not isinstance(aim, Cover):
+        return f"{status} for the goal of formulation {plan.result.formulation}"
     if status is Status.OPTIMAL:
         return f"proven optimal: no plan from these {drawn} needs fewer"
     if status is Status.INFEASIBLE:
@@ -48,7 +53,9 @@ def _proof(plan: Plan) -> str:
 
 def grasp_table(plan: Plan) -> Table:
     """The grasps in the order of execution."""
-    table = grid(("#", "right"), ("x px", "right"), ("y px", "right"), ("angle", "right"), ("removes, with probability", "left"))
+    table = grid(
+        ("#", "right"), ("x px", "right"), ("y px", "right"), ("angle", "right"), ("removes, with probability", "left")
+    )
     for k, grasp in enumerate(plan.grasps, start=1):
         removes = ", ".join(f"{removal.name} {removal.probability:.2f}" for removal in grasp.removes)
         table.add_row(str(k), f"{grasp.x:.0f}", f"{grasp.y:.0f}", f"{math.degrees(grasp.theta):.0f}°", removes)

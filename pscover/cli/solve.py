@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pscover.cli.fail import Exit, say
-from pscover.cli.options import FILE, Assignment, backend_option, json_option, quiet_option, settings_options
+from pscover.cli.options import (
+    FILE,
+    backend_option,
+    formulation_option,
+    json_option,
+    parameter_option,
+    quiet_option,
+    settings_options,
+)
 
 if TYPE_CHECKING:
     from pscover.instance import Instance
@@ -20,9 +28,9 @@ if TYPE_CHECKING:
 @click.command("solve", short_help="Find the cheapest plan of an instance and check it.")
 @click.argument("instance", type=FILE)
 @backend_option
-@click.option("--formulation", "-f", default="clique", show_default=True, metavar="NAME", help="See `pscover formulations`.")
-@click.option("--set", "parameters", type=Assignment(), multiple=True, help="A parameter of the formulation; repeatable.")
-@click.option("--backend-set", "tuning", type=Assignment(), multiple=True, help="A parameter of the backend; repeatable.")
+@formulation_option
+@parameter_option("--set", "parameters", "formulation")
+@parameter_option("--backend-set", "tuning", "backend")
 @settings_options(seconds=10.0)
 @click.option("--start", type=FILE, metavar="RESULT", help="Start from the plan in a result file.")
 @click.option("--output", "-o", type=FILE, metavar="FILE", help="Write the result to a .json file.")
@@ -56,7 +64,7 @@ def command(
     """
     from pscover import isolate, registry
     from pscover.cli.live import watching
-    from pscover.cli.output import require_writable, wrote
+    from pscover.cli.output import require_distinct, require_writable, wrote
     from pscover.io import load_instance, load_result, save_result
     from pscover.result import Settings
     from pscover.solve import solve
@@ -66,6 +74,7 @@ def command(
     engine = registry.backend(backend, dict(tuning))
     form = registry.formulation(formulation, dict(parameters))
     inputs = [path for path in (instance, start) if path is not None]
+    require_distinct(output, trace)
     require_writable(output, inputs, suffixes=(".json",))
     require_writable(trace, inputs, suffixes=(".jsonl",))
     if engine.isolated:
@@ -88,6 +97,7 @@ def command(
         for path, what in ((output, "the result"), (trace, "the trace")):
             if path is not None:
                 wrote(path, what)
+        _hint(result, form.name)
     return code(result, verification)
 
 
@@ -98,6 +108,16 @@ def code(result: Result, verification: Verification) -> Exit:
     if result.has_plan and verification.passed:
         return Exit.VERIFIED
     return Exit.INTERRUPTED if result.stop is Stop.INTERRUPT and verification.passed else Exit.NO_PLAN
+
+
+def _hint(result: Result, formulation: str) -> None:
+    """What to try next, where that is not plain."""
+    from pscover.result import Status, Stop
+
+    if result.status is Status.INFEASIBLE and formulation != "elastic":
+        say("hint: --formulation elastic finds the plan that comes closest")
+    elif result.stop is Stop.TIME:
+        say(f"hint: --time {2 * result.settings.time:g} searches longer; --start continues from a result file")
 
 
 def _start(given: Result, instance: Instance, path: Path) -> tuple[int, ...]:

@@ -82,7 +82,7 @@ def status_line(result: Result) -> Text:
     """The status, and in words what it means and why the search ended."""
     text = Text(str(result.status), style=STYLES[result.status])
     relation = _relation(result)
-    proves = registry.lookup("backend", result.backend).exact
+    is_exact = registry.lookup("backend", result.backend).exact
     reason = {
         Status.OPTIMAL: f"no plan is better by more than the gap of {percent(result.settings.gap)}"
         if result.settings.gap
@@ -100,8 +100,8 @@ def status_line(result: Result) -> Text:
     if not why and result.status in (Status.FEASIBLE, Status.UNKNOWN):
         if relation is Relation.RESTRICTION:
             why = f"formulation {result.formulation} leaves plans out, so it proves nothing"
-        elif not proves:
-            why = f"backend {result.backend} proves nothing"
+        elif not is_exact:
+            why = f"backend {result.backend} looks no further"
     text.append(f" - {reason}{f' ({why})' if why else ''}", style="default not bold")
     return text
 
@@ -155,7 +155,10 @@ def diagnosed(instance: Instance, diagnosis: Diagnosis) -> Table:
         table = grid(("out of reach", "left"), ("required", "right"), ("at most", "right"), ("cliques that bind", "left"))
         for far in diagnosis.unreachable[:MOST_ROWS]:
             table.add_row(
-                instance.meta.element(far.element), number(far.required), number(round(far.ceiling, 6)), _cliques(far.cliques)
+                instance.meta.element(far.element),
+                number(far.required),
+                number(round(far.ceiling, 6)),
+                _cliques(far.cliques),
             )
     else:
         table = grid(("left short", "left"), ("required", "right"), ("covered", "right"), ("cliques that bind", "left"))

@@ -49,10 +49,6 @@ class PlanStyle:
     ----------
     width
         In pixels of a PNG, at 100 pixels an inch.
-    axes
-        The gripper's footprint in image pixels: length along theta, width across.
-    reach
-        The gripper's radius in image pixels, which defines the parts.
 
     Raises
     ------
@@ -61,8 +57,6 @@ class PlanStyle:
     """
 
     width: int = 1200
-    axes: tuple[float, float] = (40.0, 12.0)
-    reach: float = 20.0
 
     def __post_init__(self) -> None:
         if not 400 <= self.width <= 10_000:
@@ -113,8 +107,8 @@ def plan_figure(plan: Plan, style: PlanStyle = STYLE) -> Figure:
     low, high = FOOT / tall, picture / tall
     view = figure.add_axes((0.025, low, share - 0.01, high))
     colours = palette(plan.scene.garments)
-    _draw_scene(view, plan, style, colours)
-    _draw_grasps(view, plan, style)
+    _draw_scene(view, plan, colours)
+    _draw_grasps(view, plan)
     _draw_basket(view, plan)
     _title(view, plan)
     if listed:
@@ -206,13 +200,13 @@ def _title(view: Axes, plan: Plan) -> None:
     view.annotate(figures, (0, 1), (0, 10), fontsize=10.5, color=MUTED, **places)
 
 
-def _draw_scene(view: Axes, plan: Plan, style: PlanStyle, colours: NDArray[np.float64]) -> None:
+def _draw_scene(view: Axes, plan: Plan, colours: NDArray[np.float64]) -> None:
     """Photo or map, garments, the boundaries of parts, candidates."""
     scene = plan.scene
     height, width = scene.shape
     smooth = "nearest" if scene.photo is None else "antialiased"
     view.imshow(_ground(plan, colours), interpolation=smooth, zorder=0)
-    _draw_boundaries(view, plan, style)
+    _draw_boundaries(view, plan)
     _draw_outlines(view, plan, colours)
     poses = plan.instance.meta.poses
     if poses is not None and len(poses):
@@ -240,16 +234,16 @@ def _ground(plan: Plan, colours: NDArray[np.float64]) -> NDArray[np.float64]:
     ground = scene.photo / 255.0
     # The photo's own hue under a tint makes mud: garments keep their light and dark only.
     light = ground[on] @ (0.299, 0.587, 0.114)
-    ground[on] = 0.48 * own + 0.52 * light[:, None]
+    ground[on] = 0.5 * own + 0.5 * (0.2 + 0.8 * light[:, None])
     ground[~on] = 0.85 * ground[~on] + 0.15
     return ground
 
 
-def _draw_boundaries(view: Axes, plan: Plan, style: PlanStyle) -> None:
+def _draw_boundaries(view: Axes, plan: Plan) -> None:
     """Thin lines between pixels of one garment that belong to different parts."""
     from matplotlib.collections import LineCollection
 
-    parts, segments = partition(plan.scene, style.reach).parts, plan.scene.segments
+    parts, segments = partition(plan.scene, plan.sampling.reach).parts, plan.scene.segments
     y, x = np.nonzero((parts[:, 1:] != parts[:, :-1]) & (segments[:, 1:] == segments[:, :-1]))
     upright = np.stack((np.stack((x + 0.5, y - 0.5), axis=1), np.stack((x + 0.5, y + 0.5), axis=1)), axis=1)
     y, x = np.nonzero((parts[1:] != parts[:-1]) & (segments[1:] == segments[:-1]))
@@ -269,12 +263,12 @@ def _draw_outlines(view: Axes, plan: Plan, colours: NDArray[np.float64]) -> None
         view.contour(x, y, mask, levels=[0.5], colors=[tuple(0.62 * colours[j])], linewidths=1.4, zorder=2)
 
 
-def _draw_grasps(view: Axes, plan: Plan, style: PlanStyle) -> None:
+def _draw_grasps(view: Axes, plan: Plan) -> None:
     """The chosen ellipses with the axis along the jaw, numbered in order of execution."""
     from matplotlib.patches import Ellipse
     from matplotlib.patheffects import withStroke
 
-    major, minor = style.axes
+    major, minor = plan.axes
     halo = [withStroke(linewidth=3.2, foreground="white")]
     many = len(plan.grasps) > 60
     for number, grasp in enumerate(plan.grasps, start=1):
@@ -298,26 +292,11 @@ def _draw_grasps(view: Axes, plan: Plan, style: PlanStyle) -> None:
 
 
 def _draw_basket(view: Axes, plan: Plan) -> None:
-    """Where garments are taken; an arrow at the rim if that is outside the picture."""
+    """Where garments are taken, or the nearest point of the picture."""
     height, width = plan.scene.shape
     x, y = plan.scene.basket
     inside = (min(max(x, 0), width - 1), min(max(y, 0), height - 1))
-    outside = inside != (x, y)
-    view.plot(*inside, marker="D", markersize=12, color=BASKET, markeredgecolor=INK, clip_on=False, zorder=8)
-    left = inside[0] > width / 2
-    view.annotate(
-        "basket (further out)" if outside else "basket",
-        inside,
-        (-12 if left else 12, 0),
-        textcoords="offset points",
-        ha="right" if left else "left",
-        va="center_baseline",
-        fontsize=9.5,
-        fontweight="bold",
-        color=INK,
-        zorder=8,
-        bbox={"boxstyle": "round,pad=0.25", "facecolor": "#ffffffd9", "edgecolor": "none"},
-    )
+    view.plot(*inside, marker="D", markersize=13, color=BASKET, markeredgecolor=INK, clip_on=False, zorder=8)
 
 
 def _draw_list(panel: Axes, plan: Plan, colours: NDArray[np.float64], slots: float) -> None:
@@ -351,12 +330,14 @@ def _draw_list(panel: Axes, plan: Plan, colours: NDArray[np.float64], slots: flo
 def _legend(figure: Figure, plan: Plan) -> None:
     from matplotlib.lines import Line2D
 
+    (x, y), (height, width) = plan.scene.basket, plan.scene.shape
+    basket = "basket" if 0 <= x < width and 0 <= y < height else "towards the basket"
     plain: dict[str, Any] = {"linestyle": "none"}
     keys = [
         Line2D([], [], marker="o", markersize=13, color=INK, label="grasp, in order of execution", **plain),
         Line2D([], [], marker="o", markersize=4, color="white", markeredgecolor=INK, label="candidate point", **plain),
         Line2D([], [], color="#adb5bd", linewidth=1.2, label="part: same garments within reach"),
-        Line2D([], [], marker="D", markersize=9, color=BASKET, label="basket", **plain),
+        Line2D([], [], marker="D", markersize=9, color=BASKET, label=basket, **plain),
     ]
     if plan.scene.garments <= LISTED:
         keys.append(Line2D([], [], marker="|", markersize=12, markeredgewidth=1.6, color=INK, label="required", **plain))

@@ -105,7 +105,7 @@ def _softened(corners: FloatArray) -> FloatArray:
     """Corners cut twice (Chaikin's scheme): cloth has no sharp ones."""
     for _ in range(2):
         following = np.roll(corners, -1, axis=0)
-        corners = np.stack((0.8 * corners + 0.2 * following, 0.2 * corners + 0.8 * following), axis=1).reshape(-1, 2)
+        corners = np.stack((0.87 * corners + 0.13 * following, 0.13 * corners + 0.87 * following), axis=1).reshape(-1, 2)
     return corners
 
 

@@ -72,7 +72,7 @@ def random_psc(
     _check("candidates", candidates, candidates >= 1, "a whole number of at least 1")
     _check("covers", covers, 1 <= covers <= elements, f"a whole number from 1 to elements ({elements})")
     _check("cheapest, dearest", (cheapest, dearest), 1 <= cheapest <= dearest, "1 <= cheapest <= dearest")
-    rng = np.random.default_rng(seed)
+    rng = _generator(seed)
     rows = _subsets(elements, candidates, covers, rng)
     starts = np.arange(candidates + 1) * covers
     incidence = csc_array((np.ones(rows.size), rows.ravel(), starts), shape=(elements, candidates))
@@ -132,8 +132,13 @@ def psc_on_incidence(
         candidates=instance.meta.candidates,
         poses=instance.meta.poses,
     )
-    rng = np.random.default_rng(seed)
+    rng = _generator(seed)
     return _drawn(instance.probability, instance.cost, (low, high), required, clique_size, rng, meta)
+
+
+def _generator(seed: int) -> np.random.Generator:
+    _check("seed", seed, seed >= 0, "a whole number of at least 0")
+    return np.random.default_rng(seed)
 
 
 def _drawn(

@@ -166,9 +166,9 @@ def _syntax(content: bytes, text: str) -> str:
     except UnicodeDecodeError as error:
         if error.start <= at:
             return _not_text(content)
-    rest = content[max(0, at - 1) : at + 40].decode(errors="replace").lstrip("-+ ,:[").split("\n")[0]
-    if re.match(r"(?i)nan|inf", rest):
-        return f"{_position(content, at)}: expected a finite number, got {rest[:9]!r}, which JSON does not have"
+    # msgspec stops before, within or after such a word, as far as it looks like null.
+    if word := re.search(rb"(?i)\b(nan|inf(inity)?)\b", content[max(0, at - 4) : at + 12]):
+        return f"{_position(content, at)}: expected a finite number, got {word[0].decode()!r}, which JSON does not have"
     got = content[at : at + 20].decode(errors="replace")
     return f"{_position(content, at)}: expected a JSON document, got {got!r}, which is no JSON here"
 

@@ -210,7 +210,7 @@ def _array(content: bytes, name: str, path: Path) -> NDArray[Any]:
     if entries * np.dtype(kind).itemsize != len(content) - end:
         fail(f"as many bytes as the shape {shape} of {kind} takes", len(content) - end)
     array = np.frombuffer(content, dtype=kind, offset=end).reshape(shape, order="F" if order else "C")
-    return array.astype(array.dtype.newbyteorder("="))
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
 def _instance(arrays: dict[str, NDArray[Any]], header: HeaderV1) -> Instance:

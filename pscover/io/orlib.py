@@ -41,11 +41,15 @@ class TextFormat(StrEnum):
 
 
 class _Misfit(Exception):
-    """The number at a position is not what the format says it is."""
+    """The number at a position is not what the format says it is, so that nothing after it can be told."""
 
     def __init__(self, position: int, expected: str, got: str = "") -> None:
         super().__init__(position, expected, got)
         self.position, self.expected, self.got = position, expected, got
+
+
+class _WrongValue(_Misfit):
+    """The lists of the format tile the file, but a cost or an index in them is wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,12 +98,12 @@ def load(path: Path, text_format: TextFormat | None = None) -> Instance:
     except _Misfit as misfit:
         misfits.append((misfit, known or TextFormat.SCP))
     if not fits:
-        # The format that made sense for longest is the one that was most likely meant.
-        furthest, candidate = max(misfits, key=lambda pair: pair[0].position)
-        raise InvalidInstance(f"{path}: read as {candidate}: {_described(furthest, content, tokens)}")
+        likeliest, candidate = max(misfits, key=_likelihood)
+        hint = "" if known else "; the format is a guess: a file name that ends in .scp, .rail or .sts settles it"
+        raise InvalidInstance(f"{path}: read as {candidate}: {_described(likeliest, content, tokens)}{hint}")
     if len({instance.digest for _, instance in fits}) > 1:
         names = " and ".join(candidate for candidate, _ in fits)
-        raise InvalidInstance(f"{path}: the numbers fit {names}; rename the file to end in .scp, .rail or .sts")
+        raise InvalidInstance(f"{path}: expected numbers that fit one format, got some that fit {names}: name the file so")
     return fits[0][1]
 
 
@@ -141,6 +145,12 @@ instance_format = InstanceFormat(suffixes=(".txt", ".scp", ".rail", ".sts"), loa
 def _by_suffix(path: Path) -> TextFormat | None:
     suffix = path.suffix.lower().removeprefix(".")
     return TextFormat(suffix) if suffix in list(TextFormat) else None
+
+
+def _likelihood(misread: tuple[_Misfit, TextFormat]) -> tuple[bool, bool, int]:
+    """How likely the format was meant: it fits but for a value, or far; triples have no lengths that could misfit."""
+    misfit, text_format = misread
+    return isinstance(misfit, _WrongValue), text_format is not TextFormat.STS, misfit.position
 
 
 def _numbers(content: bytes, tokens: list[bytes]) -> FloatArray:
@@ -214,7 +224,7 @@ def _members(numbers: FloatArray, positions: IntArray, size: int, what: str) -> 
     values = numbers[positions]
     bad = np.flatnonzero((values < 1) | (values > size) | (values != np.floor(values)))
     if len(bad):
-        raise _Misfit(int(positions[bad[0]]), f"a {what}: a whole number from 1 to {size}")
+        raise _WrongValue(int(positions[bad[0]]), f"a {what}: a whole number from 1 to {size}")
     return values.astype(np.int64) - 1
 
 
@@ -227,8 +237,8 @@ def _lists(begins: IntArray, lengths: IntArray) -> IntArray:
 def _scp(numbers: FloatArray) -> _Incidence:
     m, n = _sizes(numbers, "rows", "columns")
     _require_length(numbers, 2 + n + m, f"{n} costs and {m} rows")
-    _check_costs(numbers, np.arange(2, 2 + n))
     begins, lengths = _records(numbers, 2 + n, m, 0, "row")
+    _check_costs(numbers, np.arange(2, 2 + n))
     positions = _lists(begins, lengths)
     columns = _members(numbers, positions, n, "column")
     return _Incidence((m, n), np.repeat(np.arange(m), lengths), columns, positions, numbers[2 : 2 + n])
@@ -264,7 +274,7 @@ PARSERS: dict[TextFormat, Callable[[FloatArray], _Incidence]] = {
 def _check_costs(numbers: FloatArray, positions: IntArray) -> None:
     bad = np.flatnonzero(~(numbers[positions] > 0))
     if len(bad):
-        raise _Misfit(int(positions[bad[0]]), "a cost: a number above 0")
+        raise _WrongValue(int(positions[bad[0]]), "a cost: a number above 0")
 
 
 def _instance(read: _Incidence, text_format: TextFormat, path: Path) -> Instance:
@@ -274,7 +284,7 @@ def _instance(read: _Incidence, text_format: TextFormat, path: Path) -> Instance
     twice = np.flatnonzero((rows[1:] == rows[:-1]) & (columns[1:] == columns[:-1]))
     if len(twice):
         position = int(read.positions[order[twice + 1]].min())
-        raise _Misfit(position, "each pair of row and column once", "the second one")
+        raise _WrongValue(position, "each pair of row and column once", "the second one")
     matrix = coo_array((np.ones(len(rows)), (rows, columns)), shape=read.shape)
     return Instance.of(
         matrix, REQUIRED, read.costs, meta=Meta(name=path.stem, source=f"{path.name}, OR-Library format {text_format}")

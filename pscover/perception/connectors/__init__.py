@@ -1,0 +1,1 @@
+"""Masks made elsewhere, in and out: one format a file."""

@@ -1,0 +1,1 @@
+"""Segmenters, one a file; the names are the file names with hyphens."""
