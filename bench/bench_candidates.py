@@ -37,9 +37,8 @@ def bench_partition_rule(benchmark: Any, row: Any, name: str) -> None:
 
 
 @pytest.mark.parametrize("rule", ["ellipse", "distance"])
-@pytest.mark.parametrize("name", ["35 apart", "35 piled"])
-def bench_geometric_rules(benchmark: Any, row: Any, name: str, rule: str) -> None:
-    measure(benchmark, row, name, rule)
+def bench_geometric_rules(benchmark: Any, row: Any, rule: str) -> None:
+    measure(benchmark, row, "35 apart", rule)
 
 
 def measure(benchmark: Any, row: Any, name: str, rule: str) -> None:

@@ -35,7 +35,7 @@ def bench_deadline(benchmark: Any, orlib: Path, row: Any, backend: str, name: st
     if registry.missing(registry.lookup("backend", backend)):
         pytest.skip(f"{backend} is not installed")
     instance = _instance(name, orlib)
-    pscover.warm_up()
+    pscover.warm_up(backend)
     result = benchmark.pedantic(pscover.solve, (instance,), {"backend": backend, "time": seconds}, rounds=1)
     took = result.timing.total
     row(

@@ -22,7 +22,7 @@ independence and 1 when one common cause decides everything, such as a miscalibr
   too optimistic on average: check the plan on scenarios of another `seed`.
 - **Size:** at most $n + m_+ S$ variables, $m_+ (S + 1) + |Q|$ rows, $m_+$ the elements with $q_j > 0$, and $2 m_+ S$
   non-zeros plus one for each success in those rows and each clique member; fewer as scenarios coincide. Refused when
-  $S$ times the number of stored $p_{ij}$ exceeds 100 million.
+  $S$ times the number of stored $p_{ij}$ exceeds 20 million.
 - **Use it** when grasps fail together, which the product of misses ignores, or with recorded trials in the place of a
   predictor.
 - **Source:** correlated probabilistic set covering: Ahmed and Papageorgiou 2013; sample average approximation of chance
@@ -51,7 +51,7 @@ from pscover.model import Model
 
 from ._shared import binaries, bounds, conflict_rows, expect, required_elements
 
-OUTCOME_LIMIT = 100_000_000
+OUTCOME_LIMIT = 20_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,13 +158,14 @@ class Scenario:
             If there would be more than `OUTCOME_LIMIT`.
         """
         stored = int(instance.probability.nnz)
+        count = self.count if self.outcomes is None else len(self.outcomes)
+        if count * stored > OUTCOME_LIMIT:
+            raise Refused(f"{count} scenarios of {stored} probabilities exceed the limit of {OUTCOME_LIMIT} outcomes")
         if self.outcomes is not None:
             if self.outcomes.shape[1] != stored:
                 expected = f"{stored} columns, one for each stored probability of the instance"
                 raise InvalidSettings(f"outcomes: expected {expected}, got {self.outcomes.shape[1]}")
             return self.outcomes
-        if self.count * stored > OUTCOME_LIMIT:
-            raise Refused(f"{self.count} scenarios of {stored} probabilities exceed the limit of {OUTCOME_LIMIT} outcomes")
         return _copula(instance, self.count, self.correlation, self.seed)
 
     def build(self, instance: Instance) -> Model:
@@ -246,10 +247,12 @@ def _needed(required: float, scenarios: int) -> int:
 def _copula(instance: Instance, count: int, correlation: float, seed: int) -> NDArray[np.bool_]:
     """Outcomes of a one-factor Gaussian copula, shape (count, stored probabilities)."""
     random = np.random.default_rng(seed)
-    common = random.standard_normal((count, 1))
-    own = random.standard_normal((count, instance.probability.nnz))
-    latent = np.sqrt(correlation) * common + np.sqrt(1.0 - correlation) * own
-    outcomes: NDArray[np.bool_] = latent <= ndtri(instance.probability.data)
+    threshold = ndtri(instance.probability.data)
+    outcomes = np.empty((count, len(threshold)), dtype=np.bool_)
+    # One scenario at a time: the numbers drawn take eight times the memory of the outcomes.
+    for success in outcomes:
+        common, own = random.standard_normal(), random.standard_normal(len(threshold))
+        success[:] = np.sqrt(correlation) * common + np.sqrt(1.0 - correlation) * own <= threshold
     outcomes.setflags(write=False)
     return outcomes
 

@@ -38,7 +38,11 @@ def read_labels(path: str | PathLike[str]) -> NDArray[np.int32]:
     MissingDependency
         Without OpenCV.
     """
-    data = _bytes(path)
+    return decode_labels(_bytes(path), path)
+
+
+def decode_labels(data: bytes, path: str | PathLike[str]) -> NDArray[np.int32]:
+    """The labels in the bytes of a PNG that `path` names in messages; otherwise as `read_labels`."""
     if data.startswith(JPEG_SIGNATURE):
         raise InvalidImage(
             f"{path}: this is a JPEG, which does not keep label values exact; save the labels as a 16-bit PNG"

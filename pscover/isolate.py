@@ -20,13 +20,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from pscover import registry
 from pscover.backend import Backend
 from pscover.clock import Clock
 from pscover.errors import EngineFailed
 from pscover.instance import IntArray
 from pscover.model import Model
 from pscover.result import Answer, Progress, Settings, Status, Stop
-from pscover.worker import READY, Failure, Halt, Job, Reply, failure, receive, send
+from pscover.worker import READY, Failure, Halt, Job, Prepare, Reply, failure, receive, send
 
 BOOT = "import sys, json; sys.path[:] = json.loads(sys.argv[1]); from pscover.worker import main; main()"
 IDLE_LIMIT = 4
@@ -37,9 +38,10 @@ _numbers = itertools.count()
 
 
 class Worker:
-    """One worker process and the two threads that talk to it."""
+    """One worker process, kept for one engine, and the two threads that talk to it."""
 
-    def __init__(self) -> None:
+    def __init__(self, engine: Backend) -> None:
+        self.engine = engine
         self.path = list(sys.path)
         environment = dict(os.environ, OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
         self.process = subprocess.Popen(
@@ -64,6 +66,7 @@ class Worker:
         ]
         for thread in self._threads:
             thread.start()
+        self.outbox.put(Prepare(engine.requires))
 
     def _speak(self, fd: int) -> None:
         while (message := self.outbox.get()) is not None:
@@ -99,24 +102,27 @@ _idle: list[Worker] = []
 _lock = threading.Lock()
 
 
-def _hire() -> Worker:
+def _hire(engine: Backend) -> Worker:
+    """An idle worker of this engine, or a new one: some engines cannot be loaded into one process."""
     with _lock:
-        while _idle:
-            worker = _idle.pop()
+        for worker in list(_idle):
             if worker.owner != os.getpid():
-                continue
-            if worker.process.poll() is None and worker.path == sys.path:
+                _idle.remove(worker)
+            elif worker.process.poll() is not None or worker.path != sys.path:
+                _idle.remove(worker)
+                worker.end()
+            elif worker.engine.name == engine.name:
+                _idle.remove(worker)
                 return worker
-            worker.end()
-    return Worker()
+    return Worker(engine)
 
 
 def _release(worker: Worker) -> None:
     with _lock:
-        if len(_idle) < IDLE_LIMIT:
-            _idle.append(worker)
-            return
-    worker.end()
+        _idle.append(worker)
+        surplus = _idle.pop(0) if len(_idle) > IDLE_LIMIT else None
+    if surplus is not None:
+        surplus.end()
 
 
 @atexit.register
@@ -128,10 +134,20 @@ def shut_down() -> None:
         worker.end()
 
 
-def warm_up() -> None:
-    """Start a worker process now, so that the first solve under a short deadline need not wait for it (about 0.4 s)."""
-    worker = _hire()
-    _release(worker)
+def warm_up(backend: str | Backend = "highs") -> None:
+    """Start a process for an engine now, so that the first solve under a short deadline need not wait for it.
+
+    It returns at once; the process is up after about 0.4 s, and some engines take seconds to import. Engines that run in
+    the caller's process need none.
+
+    Raises
+    ------
+    UnknownName, MissingDependency
+        As for `solve`.
+    """
+    engine = registry.backend(backend) if isinstance(backend, str) else backend
+    if engine.isolated:
+        _release(_hire(engine))
 
 
 def run(backend: Backend, model: Model, settings: Settings, observe: Callable[[Progress], bool], clock: Clock) -> Answer:
@@ -147,7 +163,7 @@ def run(backend: Backend, model: Model, settings: Settings, observe: Callable[[P
     EngineFailed
         If the engine raised or its process died, and it had reported no plan.
     """
-    worker = _hire()
+    worker = _hire(backend)
     number = next(_numbers)
     deadline = time.monotonic() + min(max(0.9 * clock.left, clock.left - 0.1), 1e9)
     worker.outbox.put(Job(number, backend, model, settings, deadline))
@@ -187,18 +203,18 @@ def run(backend: Backend, model: Model, settings: Settings, observe: Callable[[P
         raise
     if worker.is_ready:
         worker.end()
-        _replace()
+        _replace(worker.engine)
     else:
         # Still starting: it will find its job overdue and be of use for the next solve.
         _release(worker)
     return _partial(best, last, ended_by, "")
 
 
-def _replace() -> None:
+def _replace(engine: Backend) -> None:
     with _lock:
-        is_needed = not _idle
+        is_needed = all(worker.engine.name != engine.name for worker in _idle)
     if is_needed:
-        _release(Worker())
+        _release(Worker(engine))
 
 
 def _partial(best: IntArray | None, last: Progress, stop: Stop, message: str) -> Answer:

@@ -97,7 +97,7 @@ def encode_plan(plan: Plan) -> bytes:
     >>> import numpy as np
     >>> from pscover.planning import plan
     >>> text = encode_plan(plan(np.ones((40, 40), dtype=int)))
-    >>> text[:28], text.count(b'"theta"')
+    >>> text[:30], text.count(b'"theta"')
     (b'{\\n  "schema": "pscover.plan/1"', 1)
     """
     return msgspec.json.format(msgspec.json.encode(document(plan)), indent=2) + b"\n"
@@ -124,6 +124,7 @@ def _grasp(plan: Plan, grasp: Grasp) -> GraspV1:
         theta=grasp.theta,
         basket_cm=grasp.distance / scale,
         removes=[
-            RemovalV1(removal.name, int(plan.scene.values[removal.garment]), removal.probability) for removal in grasp.removes
+            RemovalV1(removed.name, int(plan.scene.values[removed.garment]), removed.probability)
+            for removed in grasp.removes
         ],
     )

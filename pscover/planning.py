@@ -183,19 +183,17 @@ def plan(
     --------
     >>> labels = np.zeros((80, 160), dtype=int)
     >>> labels[20:60, 10:60], labels[20:60, 60:110] = 1, 2
-    >>> found = plan(labels)
+    >>> found = plan(labels, required=0.6)
     >>> len(found.grasps), str(found.result.status), found.bound, found.unmet
     (1, 'optimal', 1.0, ())
     >>> [(removed.name, removed.probability > 0.6) for removed in found.grasps[0].removes]
-    [('garment 2', True), ('garment 1', True)]
+    [('garment 1', True), ('garment 2', True)]
     """
     settings = Settings(time=time, gap=gap, threads=threads, seed=seed)
     form = registry.formulation(formulation) if isinstance(formulation, str) else formulation
     begin = clock.monotonic()
     scene = as_scene(scene)
-    instance = candidates(
-        scene, sampling=sampling, predictor=predictor, conflicts=conflicts, required=required, seed=seed
-    )
+    instance = candidates(scene, sampling=sampling, predictor=predictor, conflicts=conflicts, required=required, seed=seed)
     drawn = clock.monotonic()
 
     def solved(chosen_form: str | Formulation) -> Result:

@@ -80,8 +80,7 @@ def solve(
     form = registry.formulation(formulation) if isinstance(formulation, str) else formulation
     if settings.start is not None and any(not 0 <= i < instance.candidates for i in settings.start):
         raise InvalidSettings(f"start: expected candidate indices below {instance.candidates}, got {settings.start!r}")
-    if engine.isolated:
-        isolate.warm_up()
+    isolate.warm_up(engine)
     model = form.build(instance.with_margin(settings.margin))
     digest = instance.digest
     built = clock.elapsed

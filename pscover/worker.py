@@ -1,12 +1,14 @@
 """The far side of an isolated engine: a process that solves models for its parent until its input ends.
 
-Messages are pickles behind an 8-byte length. The parent sends `Job` and `Halt`; the worker says `READY` once it is up and
-answers a job with any number of `Progress` and one `Answer` or `Failure`, each as a `Reply` with the job's number. Engines
-may print what they like: their standard output goes nowhere.
+Messages are pickles behind an 8-byte length. The parent sends `Prepare`, `Job` and `Halt`; the worker says `READY` once it
+is up and answers a job with any number of `Progress` and one `Answer` or `Failure`, each as a `Reply` with the job's
+number. Engines may print what they like: their standard output goes nowhere.
 """
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import math
 import os
 import pickle
@@ -37,6 +39,13 @@ class Job:
     model: Model
     settings: Settings
     deadline: float
+
+
+@dataclass(frozen=True, slots=True)
+class Prepare:
+    """Import these modules before the first job; some take seconds."""
+
+    modules: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +101,7 @@ def main() -> None:
     outlet = os.dup(1)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
-    jobs: queue.Queue[Job] = queue.Queue()
+    jobs: queue.Queue[Job | Prepare] = queue.Queue()
     halted: set[int] = set()
 
     def listen() -> None:
@@ -113,7 +122,17 @@ def main() -> None:
     send(outlet, Reply(READY, None))
     while True:
         job = jobs.get()
+        if isinstance(job, Prepare):
+            _prepare(job)
+            continue
         send(outlet, Reply(job.number, _serve(job, outlet, halted)))
+
+
+def _prepare(wish: Prepare) -> None:
+    for module in wish.modules:
+        # A module that cannot be imported is the business of the job that needs it.
+        with contextlib.suppress(Exception):
+            importlib.import_module(module)
 
 
 def _serve(job: Job, outlet: int, halted: set[int]) -> Answer | Failure:

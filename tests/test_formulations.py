@@ -84,7 +84,7 @@ def linear_bound(model: Model) -> float | None:
 
 
 def test_the_model_agrees_with_enumeration(form: Formulation) -> None:
-    check_formulation(form, np.random.default_rng(11), count=40)
+    check_formulation(form, np.random.default_rng(11), count=25)
 
 
 def test_edge_instances_build(form: Formulation) -> None:
@@ -255,8 +255,6 @@ SIZES: dict[str, Callable[[Instance, Any], tuple[int, int, int]]] = {
 def test_size_is_as_the_card_says(form: Formulation) -> None:
     if form.name not in SIZES:
         pytest.fail(f"write down the size that the card of {form.name!r} claims")
-    if form.tolerance > 1:
-        pytest.skip("the formula of the card is for errors below 1")
     random = np.random.default_rng(23)
     for _ in range(25):
         instance = random_instance(random)
@@ -267,7 +265,7 @@ def test_size_is_as_the_card_says(form: Formulation) -> None:
 # --- Each by hand -----------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(instances())
 def test_clique_is_never_weaker_than_pairwise(instance: Instance) -> None:
     clique, pairwise = (registry.formulation(name).build(instance) for name in ("clique", "pairwise"))
@@ -332,7 +330,7 @@ def test_elastic_prices_shortfall_above_cost_and_unmet_above_shortfall() -> None
     met = goal.evaluate(instance.require(0.5), [0], Fraction)
     half = goal.evaluate(instance, [0], float)
     none = goal.evaluate(instance, [], float)
-    assert met.value == (0, 0, 9)
+    assert list(met.value) == [0, 0, 9]
     assert half.value == pytest.approx((1, 0.5, 9))
     assert none.value == pytest.approx((1, 1, 0))
     assert all(evidence.is_feasible for evidence in (met, half, none))
@@ -386,7 +384,7 @@ def test_too_many_lines_are_refused(options: tuple[str, dict[str, Any]]) -> None
 def test_joint_lies_between_its_precisions() -> None:
     random = np.random.default_rng(17)
     strict = 0
-    for _ in range(60):
+    for _ in range(40):
         instance = random_instance(random)
         required = float(random.uniform(0.02, 0.9))
         precision = float(random.choice([1e-3, 0.05]))

@@ -184,7 +184,7 @@ class Search:
         """Drop what is not needed, the most expensive first and, among equals, the least useful."""
         chosen = self.chosen
         supply = self.form.W @ self.taken.astype(np.float64)
-        use = [float((w / supply[rows]).sum()) for rows, w in map(self.column, chosen)]
+        use = np.array([(w / supply[rows]).sum() for rows, w in map(self.column, chosen)])
         for i in chosen[np.lexsort((use, -self.form.c[chosen]))]:
             rows, w = self.column(i)
             if (self.deficit[rows] + w <= TOLERANCE).all():

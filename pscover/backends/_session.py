@@ -21,7 +21,7 @@ THROTTLE = 0.02
 
 
 FEASIBILITY = 1e-9
-"""By how much a row may be missed. In rows scaled to 1 this is relative; engines' own 1e-6 lets requirements be missed visibly."""
+"""By how much a row may be missed; relative in rows scaled to 1. The 1e-6 of most engines lets requirements be missed."""
 CLAIMED = 1e-6
 """A point that misses a row by more than this is none, whatever an engine calls it."""
 

@@ -59,7 +59,7 @@ def scaled(model: Model) -> Scaled:
     """
     A = model.A
     row = np.repeat(np.arange(model.rows), np.diff(A.indptr))
-    total = np.bincount(row, np.abs(A.data) * model.ub[A.indices], model.rows)
+    total = np.bincount(row, np.abs(A.data) * model.ub[A.indices], model.rows).astype(np.float64)
     for bound in (model.lo, model.hi):
         total = np.maximum(total, np.where(np.isfinite(bound), np.abs(bound), 0.0))
     whole = np.bincount(row, A.data != np.round(A.data), model.rows) == 0
@@ -152,10 +152,7 @@ class Cpsat:
         from ortools.sat.python import cp_model
 
         built, unit = load(model)
-        start = start_of(model, settings)
-        if start is not None:
-            built.proto.solution_hint.vars.extend(range(model.candidates))
-            built.proto.solution_hint.values.extend(start.astype(np.int64).tolist())
+        _offer(built, model, settings)
         if session.start():
             return session.answer(Status.UNKNOWN)
         engine = cp_model.CpSolver()
@@ -173,6 +170,13 @@ class Cpsat:
         engine.best_bound_callback = bounded
         status = engine.solve(built, Trace())
         return _conclude(engine, engine.status_name(status), unit, session)
+
+
+def _offer(built: Any, model: Model, settings: Settings) -> None:
+    start = start_of(model, settings)
+    if start is not None:
+        built.proto.solution_hint.vars.extend(range(model.candidates))
+        built.proto.solution_hint.values.extend(start.astype(np.int64).tolist())
 
 
 def _configure(parameters: Any, session: Session) -> None:

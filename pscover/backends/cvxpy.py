@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
 
 from pscover.model import Model
 from pscover.result import Answer, Observer, Settings, Status
@@ -14,24 +16,47 @@ from pscover.result import Answer, Observer, Settings, Status
 from ._session import Session, without_variables
 from .highs import options, release_threads
 
+FloatArray = NDArray[np.float64]
+
 
 def load(model: Model) -> Any:
-    """The model as a `cvxpy.Problem` with one vector variable."""
+    """The model as a `cvxpy.Problem` with a vector of integer and one of continuous variables, as far as there are any."""
     import cvxpy
 
-    whole = np.flatnonzero(model.integer)
-    integer: Any = True if len(whole) == model.variables else [(int(i),) for i in whole]
-    x = cvxpy.Variable(model.variables, integer=integer, bounds=[0, model.ub])
+    whole, split = np.flatnonzero(model.integer), np.flatnonzero(~model.integer)
+    parts = []
+    if len(whole):
+        parts.append((cvxpy.Variable(len(whole), name="integer", integer=True, bounds=[0, model.ub[whole]]), whole))
+    if len(split):
+        parts.append((cvxpy.Variable(len(split), name="continuous", bounds=[0, model.ub[split]]), split))
     equal = model.lo == model.hi
     below, above = np.isfinite(model.lo) & ~equal, np.isfinite(model.hi) & ~equal
     rows = []
     if equal.any():
-        rows.append(model.A[np.flatnonzero(equal)] @ x == model.lo[equal])
+        rows.append(_times(model, equal, parts) == model.lo[equal])
     if below.any():
-        rows.append(model.A[np.flatnonzero(below)] @ x >= model.lo[below])
+        rows.append(_times(model, below, parts) >= model.lo[below])
     if above.any():
-        rows.append(model.A[np.flatnonzero(above)] @ x <= model.hi[above])
-    return cvxpy.Problem(cvxpy.Minimize(model.c @ x), rows)
+        rows.append(_times(model, above, parts) <= model.hi[above])
+    return cvxpy.Problem(cvxpy.Minimize(sum(model.c[columns] @ part for part, columns in parts)), rows)
+
+
+def _times(model: Model, rows: NDArray[np.bool_], parts: list[tuple[Any, NDArray[np.intp]]]) -> Any:
+    A = model.A[np.flatnonzero(rows)]
+    if len(parts) == 1:
+        return A @ parts[0][0]
+    by_column = csc_array(A)
+    return sum(by_column[:, columns] @ part for part, columns in parts)
+
+
+def _point(problem: Any, model: Model) -> FloatArray | None:
+    """The values of all variables in the model's order, or None if CVXPY has none."""
+    x = np.zeros(model.variables)
+    for variable in problem.variables():
+        if variable.value is None:
+            return None
+        x[model.integer if variable.name() == "integer" else ~model.integer] = variable.value
+    return x
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +102,7 @@ def _conclude(problem: Any, session: Session) -> Answer:
     status = problem.status
     if status == cvxpy.INFEASIBLE:
         return session.answer(Status.INFEASIBLE)
-    x = problem.variables()[0].value
+    x = _point(problem, session.model)
     if x is not None:
         # At a limit without a plan HiGHS' zeros arrive here as if they were one.
         session.claimed(x)

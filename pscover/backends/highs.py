@@ -149,8 +149,8 @@ def _conclude(engine: Any, session: Session) -> Answer:
         engine.setOptionValue("time_limit", session.left)
         engine.run()
         outcome = engine.getModelStatus()
-    ended = (Outcome.kTimeLimit, Outcome.kInterrupt, Outcome.kHighsInterrupt)
-    message = "" if outcome in ended else str(engine.modelStatusToString(outcome))
+    ended = ("kTimeLimit", "kInterrupt", "kHighsInterrupt")
+    message = "" if outcome.name in ended else str(engine.modelStatusToString(outcome))
     if outcome == Outcome.kInfeasible:
         return session.answer(Status.INFEASIBLE)
     info, solution = engine.getInfo(), engine.getSolution()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pscover.errors import Refused
-from pscover.model import CoverForm, Model, as_cover
+from pscover.model import Model, as_cover
 from pscover.result import Answer, Observer, Settings, Status
 
 from ._cover import Search, hopeless_rows, repair
@@ -27,7 +27,7 @@ INTERIOR = 20_000
 class LpRounding:
     """Solve the relaxation, then round, repair and prune many times.
 
-    A trial takes each candidate i with probability min(1, s x_i), x the relaxation's optimum and s a scale drawn between 1/2
+    A trial takes each candidate i with probability min(1, s x_i), x the relaxation's optimum and s a scale drawn between 0
     and 2, the first trial those with x_i >= 1/2; then greedy choices fill what is short and reverse delete drops what is not
     needed (rounding with alteration: Kolliopoulos and Young 2005; Chekuri and Quanrud 2019, whose guarantees need the
     knapsack-cover inequalities that are left out here). The bound is recomputed from the duals, so it holds despite the
@@ -78,7 +78,7 @@ class LpRounding:
                 break
             search = blank.copy()
             search.take(_rounded(x, trial, rng))
-            worth = search.worth * (x + rng.uniform(0.02, 0.2))
+            worth = search.worth * _favour(x, trial, rng)
             if not _plan(search, worth, session) and repair(search, rng, self.moves, session.over):
                 _plan(search, worth, session)
         return session.answer(Status.OPTIMAL if session.is_proven() else Status.UNKNOWN)
@@ -93,12 +93,20 @@ def _plan(search: Search, worth: FloatArray | None, session: Session) -> bool:
     return True
 
 
+def _favour(x: FloatArray, trial: int, rng: np.random.Generator) -> FloatArray:
+    """What to multiply each candidate's worth with: half of the trials trust the relaxation, half shun some at random."""
+    if trial % 2 == 0:
+        return x + rng.uniform(0.02, 0.2)
+    shunned = rng.random(len(x)) < rng.uniform(0.0, 0.4)
+    return np.where(shunned, 1e-6, rng.uniform(0.8, 1.0, len(x)))
+
+
 def _rounded(x: FloatArray, trial: int, rng: np.random.Generator) -> NDArray[np.intp]:
     """Candidates to take, in the order in which they may: likely ones tend to come first."""
     if trial == 0:
         likely = np.flatnonzero(x >= 0.5)
         return likely[np.argsort(-x[likely], kind="stable")]
-    scale = rng.uniform(0.5, 2.0)
+    scale = rng.uniform(0.0, 2.0)
     drawn = np.flatnonzero(rng.uniform(size=len(x)) < scale * x)
     return drawn[np.argsort(rng.exponential(size=len(drawn)) / x[drawn])]
 

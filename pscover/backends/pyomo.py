@@ -92,9 +92,7 @@ class Pyomo:
         release_threads()
         asked = options(settings, session.left)
         engine = Highs()
-        found = engine.solve(
-            built, solver_options=asked, load_solutions=False, raise_exception_on_nonoptimal_result=False
-        )
+        found = engine.solve(built, solver_options=asked, load_solutions=False, raise_exception_on_nonoptimal_result=False)
         return _conclude(built, found, session)
 
 

@@ -85,10 +85,11 @@ def _offer(engine: Any, x: list[Any], session: Session) -> None:
     start = start_of(session.model, session.settings)
     if start is None:
         return
-    partial = engine.createPartialSol()
+    whole = session.model.variables == session.model.candidates
+    solution = engine.createSol() if whole else engine.createPartialSol()
     for variable, value in zip(x, start.tolist(), strict=False):
-        engine.setSolVal(partial, variable, value)
-    engine.addSol(partial)
+        engine.setSolVal(solution, variable, value)
+    engine.addSol(solution)
 
 
 def _watch(engine: Any, x: list[Any], session: Session) -> None:

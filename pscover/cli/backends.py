@@ -27,7 +27,7 @@ def command(as_json: bool) -> Exit:
     from pscover.cli.output import show
     from pscover.cli.tables import grid
 
-    table = grid(("backend", "left"), ("exact", "left"), ("installed", "left"), ("what", "left"))
+    table = grid(("backend", "left"), ("exact", "left"), ("installed", "left"), ("what", "fill"))
     for row in rows:
         installed = Text("yes", style="green") if row["installed"] else Text("no", style="yellow")
         what = row["what"] if row["installed"] else f"{row['what']}\n{row['install']}"

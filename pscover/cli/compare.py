@@ -108,18 +108,13 @@ def command(
     from pscover.result import Settings
 
     settings = Settings(**numbers)
-    engines = [registry.lookup("backend", name).name for name in backends or registry.names("backend")]
-    forms = [registry.lookup("formulation", name).name for name in formulations]
-    pairs = [(engine, form) for form in dict.fromkeys(forms) for engine in dict.fromkeys(engines)]
+    engines = _distinct("backend", backends or registry.names("backend"))
+    forms = _distinct("formulation", formulations)
     problems = [load_instance(path) for path in instances]
-    cells: list[list[Cell]] = []
-    interrupted = False
     with watching("", quiet=quiet) as line:
-        _warm_up(engines, line)
-        for problem in problems:
-            row = list(_solved(problem, pairs, settings, line, interrupted=interrupted))
-            interrupted = interrupted or any(_was_interrupted(cell) for cell in row)
-            cells.append(row)
+        found = dict(_cells(problems, engines, forms, settings, line))
+    interrupted = any(_was_interrupted(cell) for cell in found.values())
+    cells = [[found[k, form, engine] for form in forms for engine in engines] for k in range(len(problems))]
     if as_json:
         _print_document(problems, cells, interrupted=interrupted)
     else:
@@ -129,36 +124,49 @@ def command(
     return Exit.INTERRUPTED if interrupted else Exit.NO_PLAN
 
 
-def _warm_up(engines: list[str], line: Line) -> None:
-    """Let each engine import what it needs, so that its first cell does not pay for that."""
-    from pscover.instance import Instance
-    from pscover.solve import solve
+def _distinct(kind: str, given: tuple[str, ...]) -> list[str]:
+    from pscover import registry
 
-    for engine in engines:
-        line.restart(f"starting {engine}")
-        with suppress(Refused, MissingDependency, EngineFailed):
-            solve(Instance.of([[1.0]]), backend=engine, time=START_SECONDS)
+    return list(dict.fromkeys(registry.lookup(kind, name).name for name in given))
 
 
 def _was_interrupted(cell: Cell) -> bool:
     from pscover.result import Stop
 
     stopped = cell.result is not None and cell.result.stop is Stop.INTERRUPT
-    return stopped or cell.empty is Empty.INTERRUPTED
+    return stopped or cell.empty in (Empty.INTERRUPTED, Empty.SKIPPED)
 
 
-def _solved(
-    problem: Instance, pairs: list[tuple[str, str]], settings: Settings, line: Line, *, interrupted: bool
-) -> Iterator[Cell]:
-    """The cells of one instance; after Ctrl-C the rest is not run."""
-    for engine, form in pairs:
-        if interrupted:
-            yield Cell(backend=engine, formulation=form, empty=Empty.SKIPPED)
-            continue
-        line.restart(f"{problem.meta.name or 'instance'}: {engine} x {form}")
-        cell = _cell(problem, engine, form, settings, line)
-        interrupted = _was_interrupted(cell)
-        yield cell
+def _cells(
+    problems: list[Instance], engines: list[str], forms: list[str], settings: Settings, line: Line
+) -> Iterator[tuple[tuple[int, str, str], Cell]]:
+    """Every cell with its place (instance, formulation, engine), engine by engine; after Ctrl-C the rest is not run."""
+    interrupted = False
+    for engine in engines:
+        for k, problem in enumerate(problems):
+            for form in forms:
+                interrupted = interrupted or not _is_started(engine, line)
+                if interrupted:
+                    yield (k, form, engine), Cell(backend=engine, formulation=form, empty=Empty.SKIPPED)
+                    continue
+                line.restart(f"{problem.meta.name or 'instance'}: {engine} x {form}")
+                cell = _cell(problem, engine, form, settings, line)
+                interrupted = _was_interrupted(cell)
+                yield (k, form, engine), cell
+
+
+def _is_started(engine: str, line: Line) -> bool:
+    """Let an engine import what it needs, so that no cell pays for that; False after Ctrl-C."""
+    from pscover.instance import Instance
+    from pscover.solve import solve
+
+    line.restart(f"starting {engine}")
+    try:
+        with suppress(Refused, MissingDependency, EngineFailed):
+            solve(Instance.of([[1.0]]), backend=engine, time=START_SECONDS)
+    except KeyboardInterrupt:
+        return False
+    return True
 
 
 def _cell(problem: Instance, engine: str, form: str, settings: Settings, line: Line) -> Cell:
@@ -247,11 +255,11 @@ def _print_tables(problems: list[Instance], cells: list[list[Cell]], *, interrup
 
     from pscover.cli.output import show
     from pscover.cli.tables import STYLES, grid, headline
-    from pscover.cli.words import number, percent, seconds
+    from pscover.cli.words import number, percent
 
     for k, (problem, row) in enumerate(zip(problems, cells, strict=True)):
         names = (("backend", "left"), ("formulation", "left"), ("status", "left"))
-        sizes = (("objective", "right"), ("bound", "right"), ("gap", "right"), ("time", "right"), ("short", "right"))
+        sizes = (("objective", "right"), ("bound", "right"), ("gap %", "right"), ("time s", "right"), ("short", "right"))
         table = grid(*names, *sizes)
         notes: list[str] = []
         for cell in row:
@@ -267,7 +275,7 @@ def _print_tables(problems: list[Instance], cells: list[list[Cell]], *, interrup
             )
             table.add_row(
                 *(cell.backend, cell.formulation, status, number(result.objective), number(result.bound)),
-                *(percent(result.gap), seconds(result.timing.total), number(_worst(result))),
+                *(percent(result.gap).removesuffix(" %"), f"{result.timing.total:.2f}", number(_worst(result))),
             )
         show(*([""] if k else []), headline(problem), table, *notes)
         if found := contradiction(row):

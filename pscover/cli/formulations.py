@@ -38,7 +38,7 @@ def command(ctx: click.Context, as_json: bool) -> Exit | None:
     from pscover.cli.output import show
     from pscover.cli.tables import grid
 
-    table = grid(("formulation", "left"), ("relation", "left"), ("what", "left"), ("parameters", "left"))
+    table = grid(("formulation", "left"), ("relation", "left"), ("what", "fill"), ("parameters", "fill"))
     for row in rows:
         options = "\n".join(f"{p['name']}={p['default']}" for p in row["parameters"])
         table.add_row(Text(row["name"], style="bold"), row["relation"], row["what"], options)

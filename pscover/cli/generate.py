@@ -56,6 +56,7 @@ def garments_command(
       pscover generate garments --count 12 --seed 1 -o table.png
       pscover generate garments --count 20 --groups 4,3 -o table.json
     """
+    from dataclasses import replace
     from typing import cast
 
     from pscover.cli.label_png import encode_labels
@@ -72,7 +73,9 @@ def garments_command(
         from pscover.grasping.candidates import candidates
         from pscover.io import save_instance
 
-        save_instance(candidates(scene, required=required, seed=seed), output)
+        made = candidates(scene, required=required, seed=seed)
+        name = f"garments{count}-{layout}-s{seed}"
+        save_instance(replace(made, meta=replace(made.meta, name=name)), output)
         what = f"the instance of {scene.garments} garments"
     if not quiet:
         wrote(output, what)

@@ -54,7 +54,7 @@ class Line:
             parts.append(f"bound {number(self.bound)}")
         if math.isfinite(gap := relative_gap(self.objective, self.bound)):
             parts.append(f"gap {percent(gap)}")
-        return f"{self.label}  {'  '.join(parts)}  (Ctrl-C: best so far)"
+        return "  ".join([self.label, *parts, "Ctrl-C stops"])
 
     def __rich__(self) -> Text:
         from rich.text import Text

@@ -103,9 +103,8 @@ def command(
     require_writable(output, inputs, suffixes=(".json",))
     require_writable(picture, inputs, suffixes=PICTURES)
     require_writable(instance_file, inputs, suffixes=(".json", ".npz"))
-    if engine.isolated:
-        # The engine's process starts while the image is read.
-        isolate.warm_up()
+    # The engine's process starts while the image is read.
+    isolate.warm_up(engine)
     there = Scene.read(scene, photo=shown, pixels_per_cm=pixels_per_cm, basket=basket)
     scale = pixels_per_cm / PAPER_SCALE
     gripper = Ellipse(major=40.0 * scale, minor=12.0 * scale, half=100.0 * scale**2)

@@ -54,7 +54,7 @@ def _proof(plan: Plan) -> str:
 def grasp_table(plan: Plan) -> Table:
     """The grasps in the order of execution."""
     table = grid(
-        ("#", "right"), ("x px", "right"), ("y px", "right"), ("angle", "right"), ("removes, with probability", "left")
+        ("#", "right"), ("x px", "right"), ("y px", "right"), ("angle", "right"), ("removes, with probability", "fill")
     )
     for k, grasp in enumerate(plan.grasps, start=1):
         removes = ", ".join(f"{removal.name} {removal.probability:.2f}" for removal in grasp.removes)
@@ -64,7 +64,7 @@ def grasp_table(plan: Plan) -> Table:
 
 def garment_table(plan: Plan) -> Table:
     """How surely each garment is removed, and by which grasps."""
-    table = grid(("garment", "left"), ("required", "right"), ("removed", "right"), ("by grasps", "left"))
+    table = grid(("garment", "fill"), ("required", "right"), ("removed", "right"), ("by grasps", "fill"))
     by: dict[int, list[str]] = {}
     for k, grasp in enumerate(plan.grasps, start=1):
         for removal in grasp.removes:

@@ -77,9 +77,8 @@ def command(
     require_distinct(output, trace)
     require_writable(output, inputs, suffixes=(".json",))
     require_writable(trace, inputs, suffixes=(".jsonl",))
-    if engine.isolated:
-        # The engine's process starts while the file is read.
-        isolate.warm_up()
+    # The engine's process starts while the file is read.
+    isolate.warm_up(engine)
     problem = load_instance(instance)
     first = None if start is None else _start(load_result(start), problem, start)
     with watching(f"{engine.name} x {form.name}", quiet=quiet) as line:
@@ -116,6 +115,8 @@ def _hint(result: Result, formulation: str) -> None:
 
     if result.status is Status.INFEASIBLE and formulation != "elastic":
         say("hint: --formulation elastic finds the plan that comes closest")
+    elif result.stop is Stop.TIME and result.status is Status.UNKNOWN:
+        say("hint: `--backend greedy -o first.json` is fast; `--start first.json` continues from its plan")
     elif result.stop is Stop.TIME:
         say(f"hint: --time {2 * result.settings.time:g} searches longer; --start continues from a result file")
 

@@ -45,10 +45,10 @@ def facts(rows: Iterable[tuple[str, str | Text]]) -> Table:
 
 
 def grid(*columns: tuple[str, str]) -> Table:
-    """A table with a header; each column is its name and "left" or "right"."""
-    table = Table(box=SIMPLE_HEAD, show_edge=False, header_style="bold", padding=(0, 1), pad_edge=False)
+    """A table with a header; each column is its name and its side: "left", "right", or "fill" for one that may wrap."""
+    table = Table(box=SIMPLE_HEAD, show_edge=False, header_style="bold", padding=(0, 1, 0, 0), pad_edge=False)
     for name, side in columns:
-        table.add_column(name, justify="right" if side == "right" else "left", overflow="fold")
+        table.add_column(name, justify="right" if side == "right" else "left", overflow="fold", no_wrap=side != "fill")
     return table
 
 
@@ -143,7 +143,7 @@ def verified(result: Result, verification: Verification) -> list[tuple[str, str 
 
 def checks(verification: Verification) -> Table:
     """Every check of a verification."""
-    table = grid(("check", "left"), ("verdict", "left"), ("detail", "left"))
+    table = grid(("check", "left"), ("verdict", "left"), ("detail", "fill"))
     for check in verification.checks:
         table.add_row(check.what, Text(str(check.verdict), style=VERDICTS[check.verdict]), check.detail)
     return table
@@ -152,7 +152,7 @@ def checks(verification: Verification) -> Table:
 def diagnosed(instance: Instance, diagnosis: Diagnosis) -> Table:
     """Why there is no plan: the elements that fall short and the cliques that bind."""
     if diagnosis.unreachable:
-        table = grid(("out of reach", "left"), ("required", "right"), ("at most", "right"), ("cliques that bind", "left"))
+        table = grid(("out of reach", "fill"), ("required", "right"), ("at most", "right"), ("cliques that bind", "fill"))
         for far in diagnosis.unreachable[:MOST_ROWS]:
             table.add_row(
                 instance.meta.element(far.element),
@@ -161,7 +161,7 @@ def diagnosed(instance: Instance, diagnosis: Diagnosis) -> Table:
                 _cliques(far.cliques),
             )
     else:
-        table = grid(("left short", "left"), ("required", "right"), ("covered", "right"), ("cliques that bind", "left"))
+        table = grid(("left short", "fill"), ("required", "right"), ("covered", "right"), ("cliques that bind", "fill"))
         for unmet in diagnosis.unmet[:MOST_ROWS]:
             table.add_row(
                 instance.meta.element(unmet.element), number(unmet.required), number(unmet.coverage), _cliques(unmet.cliques)

@@ -212,7 +212,7 @@ def _draw_scene(view: Axes, plan: Plan, colours: NDArray[np.float64]) -> None:
     if poses is not None and len(poses):
         points = np.unique(poses[:, :2], axis=0)
         size = 5.0 if len(points) < 4000 else 1.0
-        view.scatter(*points.T, s=size, c="white", edgecolors="#00000090", linewidths=0.35, zorder=3)
+        view.scatter(points[:, 0], points[:, 1], s=size, c="white", edgecolors="#00000090", linewidths=0.35, zorder=3)
     view.set_xlim(-0.5, width - 0.5)
     view.set_ylim(height - 0.5, -0.5)
     view.set_anchor("NW")
@@ -307,17 +307,17 @@ def _draw_list(panel: Axes, plan: Plan, colours: NDArray[np.float64], slots: flo
     panel.barh(rows, np.ones(count), height=0.62, color="#f1f3f5", zorder=0)
     panel.barh(rows, plan.coverage, height=0.62, color=colours, zorder=1)
     required = plan.instance.required
-    for row in rows:
+    for row in range(count):
         panel.plot((required[row], required[row]), (row - 0.42, row + 0.42), color=INK, linewidth=1.3, zorder=2)
     short = set(plan.unmet)
-    for row, covered in zip(rows, plan.coverage, strict=True):
+    for row, covered in enumerate(plan.coverage):
         panel.text(1.05, row, f"{covered:.2f}", va="center_baseline", fontsize=size, color=ALARM if row in short else MUTED)
     panel.set_yticks(rows, names, fontsize=size)
-    for row, label in enumerate(panel.get_yticklabels()):
+    for j, label in enumerate(panel.get_yticklabels()):
         # Names are the user's: a dollar sign in one starts no formula.
         label.set_parse_math(False)
-        label.set_color(ALARM if row in short else INK)
-        label.set_fontweight("bold" if row in short else "normal")
+        label.set_color(ALARM if j in short else INK)
+        label.set_fontweight("bold" if j in short else "normal")
     panel.tick_params(length=0)
     panel.set_xticks([])
     panel.set_xlim(0, 1)

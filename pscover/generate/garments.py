@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -25,6 +26,10 @@ VISIBLE = 100
 TRIALS = 60
 """Random places tried at each size before the garment is made smaller by `SHRINK`."""
 SHRINK = 0.85
+STEPS = 40
+"""How often a group or a pile is tried anew, further out and with smaller garments, before giving up."""
+AVERAGE = 1300
+"""Pixels of an average garment."""
 
 
 def garments(
@@ -71,7 +76,7 @@ def garments(
     --------
     >>> scene = garments(5, seed=0)
     >>> scene.garments, scene.shape, scene.names[0]
-    (5, (282, 470), 'heap 1')
+    (5, (282, 470), 'underwear 1')
     >>> bool((garments(10, seed=0).labels[scene.labels > 0] == scene.labels[scene.labels > 0]).all())
     True
     """
@@ -118,6 +123,7 @@ class _Floor:
     kinds: list[str] = field(default_factory=list)
     whole: list[tuple[int, int, Mask]] = field(default_factory=list)
     """Top, left and mask of each garment, hidden pixels included."""
+    visible: list[int] = field(default_factory=list)
 
     def lay(self, outline: Outline, area: float, generator: np.random.Generator) -> None:
         """Put a garment where nothing lies near."""
@@ -142,29 +148,35 @@ class _Floor:
         if len(group) == 0:
             return self.lay(outline, area, generator)
         middle = np.mean([self._middle(int(label)) for label in group], axis=0)
-        for trial in range(40 * TRIALS):
-            mask = outline.mask(max(SMALLEST, area * SHRINK ** (trial // TRIALS)))
-            at = self._around(mask, middle, 12.0 + trial / 20, generator)
-            if at is None or np.setdiff1d(self._near(*at, mask), group).any():
-                continue
-            if all(self._overlaps(*at, mask, int(label)) for label in group) and self._leaves_visible(*at, mask):
-                return self._put(*at, mask, outline.kind)
+        for step in range(STEPS):
+            mask = outline.mask(max(SMALLEST, area * SHRINK**step))
+            for _ in range(TRIALS):
+                at = self._around(mask, middle, 12.0 + 3 * step, generator)
+                if at is None or np.setdiff1d(self._near(*at, mask), group).any():
+                    continue
+                if all(self._overlaps(*at, mask, int(label)) for label in group) and self._leaves_visible(*at, mask):
+                    return self._put(*at, mask, outline.kind)
         raise self._no_place()
 
     def pile(self, outline: Outline, area: float, generator: np.random.Generator) -> None:
         """Drop a garment around the middle, further out the longer no place is found."""
-        height, width = self.labels.shape
-        for trial in range(40 * TRIALS):
-            mask = outline.mask(max(SMALLEST, area * SHRINK ** (trial // (4 * TRIALS))))
-            spread = min(height, width) * (0.16 + 0.84 * trial / (40 * TRIALS))
-            at = self._around(mask, np.array([height / 2, width / 2]), spread, generator)
-            if at is not None and self._leaves_visible(*at, mask):
-                return self._put(*at, mask, outline.kind)
+        middle = np.array(self.labels.shape) / 2
+        narrow, wide = 0.35 * math.sqrt(AVERAGE * (len(self.kinds) + 1) / math.pi), middle.min()
+        for step in range(STEPS):
+            mask = outline.mask(max(SMALLEST, area * SHRINK ** (step // 4)))
+            spread = narrow + (wide - narrow) * max(0.0, (step - 4) / STEPS)
+            for _ in range(TRIALS):
+                at = self._around(mask, middle, spread, generator)
+                if at is not None and self._leaves_visible(*at, mask):
+                    return self._put(*at, mask, outline.kind)
         raise self._no_place()
 
     def _put(self, top: int, left: int, mask: Mask, kind: str) -> None:
+        for label, count in self._hidden(top, left, mask):
+            self.visible[label - 1] -= count
         self.kinds.append(kind)
         self.whole.append((top, left, mask))
+        self.visible.append(int(mask.sum()))
         self.labels[top : top + mask.shape[0], left : left + mask.shape[1]][mask] = len(self.kinds)
 
     def _anywhere(self, mask: Mask, generator: np.random.Generator) -> tuple[int, int] | None:
@@ -212,13 +224,13 @@ class _Floor:
         return bool((mine & other[first - above : last - above, begin - before : end - before]).any())
 
     def _leaves_visible(self, top: int, left: int, mask: Mask) -> bool:
-        under = self.labels[top : top + mask.shape[0], left : left + mask.shape[1]][mask]
-        hidden = np.unique(under[under > 0], return_counts=True)
-        return all(self._visible(int(label)) - count >= VISIBLE for label, count in zip(*hidden, strict=True))
+        return all(self.visible[label - 1] - count >= VISIBLE for label, count in self._hidden(top, left, mask))
 
-    def _visible(self, label: int) -> int:
-        top, left, mask = self.whole[label - 1]
-        return int((self.labels[top : top + mask.shape[0], left : left + mask.shape[1]] == label).sum())
+    def _hidden(self, top: int, left: int, mask: Mask) -> Iterator[tuple[int, int]]:
+        """Labels, and how many of their visible pixels a garment put there would hide."""
+        under = self.labels[top : top + mask.shape[0], left : left + mask.shape[1]][mask]
+        labels, counts = np.unique(under[under > 0], return_counts=True)
+        return zip(labels.tolist(), counts.tolist(), strict=True)
 
     def _no_place(self) -> InvalidSettings:
         height, width = self.labels.shape

@@ -58,7 +58,7 @@ class Outline:
         Examples
         --------
         >>> Outline.random(np.random.default_rng(0)).kind
-        'heap'
+        'underwear'
         """
         kind = str(generator.choice(KINDS))
         corners = _heap(generator) if kind == "heap" else SHAPES[kind] * generator.uniform(0.85, 1.15, size=2)

@@ -6,10 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from pscover.cliques import Cliques, merge_edges
 from pscover.errors import InvalidSettings, MissingDependency
 from pscover.grasping.sampling import Grasps
+
+BLOCK = 1000
+PAIR_LIMIT = 2_000_000
+"""More overlapping pairs than this are refused: no engine solves models of so many conflicts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +45,8 @@ class Overlapping:
         ------
         MissingDependency
             Without Shapely.
+        InvalidSettings
+            If more than `PAIR_LIMIT` pairs overlap.
 
         Examples
         --------
@@ -52,10 +59,28 @@ class Overlapping:
             import shapely
         except ImportError:
             raise MissingDependency.for_extra("conflict rule 'ellipse'", ["shapely"], "geometry") from None
+        if len(grasps) == 0:
+            return Cliques.of()
         shapes = shapely.polygons(outlines(grasps.poses, axes, self.corners))
-        first, second = shapely.STRtree(shapes).query(shapes, predicate="intersects")
-        once = first < second
-        return merge_edges(np.column_stack((first[once], second[once])))
+        tree = shapely.STRtree(shapes)
+        # Ellipses whose centres are a minor axis apart overlap for sure: too many are known before any is compared.
+        centres = cKDTree(grasps.poses[:, :2])
+        _check_count((int(centres.count_neighbors(centres, min(axes))) - len(shapes)) // 2, len(shapes))
+        found = [np.zeros((0, 2), dtype=np.int32)]
+        for start in range(0, len(shapes), BLOCK):
+            first, second = tree.query(shapes[start : start + BLOCK], predicate="intersects")
+            once = first + start < second
+            found.append(np.column_stack((first[once] + start, second[once])).astype(np.int32))
+            _check_count(sum(map(len, found)), len(shapes))
+        return merge_edges(np.concatenate(found))
+
+
+def _check_count(pairs: int, grasps: int) -> None:
+    if pairs > PAIR_LIMIT:
+        raise InvalidSettings(
+            f"conflict rule 'ellipse': expected at most {PAIR_LIMIT} overlapping pairs, got more among {grasps} grasps; "
+            "draw fewer points or orientations, or use the rule 'partition' or 'distance'"
+        )
 
 
 def outlines(poses: NDArray[np.float64], axes: tuple[float, float], corners: int) -> NDArray[np.float64]:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pscover.errors import InvalidImage, MissingDependency
+from pscover.errors import InvalidImage
+from pscover.perception.colour import opencv
 
 FloatArray = NDArray[np.float32]
 PIXELS_PER_CELL = 4
@@ -65,7 +65,7 @@ class Frame:
 
     def square(self, photo: NDArray[np.uint8]) -> FloatArray:
         """The photo as the encoder wants it: scaled, normalised, padded with zeros, shape (3, side, side)."""
-        cv2 = opencv()
+        cv2 = opencv("segmenting with SAM")
         height, width = self.scaled
         shrinks = height < self.height
         scaled = cv2.resize(photo, (width, height), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
@@ -86,7 +86,7 @@ class Frame:
 
     def shrink(self, pixels: NDArray[np.bool_]) -> FloatArray:
         """The share of each cell that is true, shape `cells`."""
-        cv2 = opencv()
+        cv2 = opencv("segmenting with SAM")
         rows, columns = self.cells
         coarse = self.height > rows
         how = cv2.INTER_AREA if coarse else cv2.INTER_LINEAR
@@ -100,7 +100,7 @@ class Frame:
         tuple
             Top, left and the pixels of a window that holds them all.
         """
-        cv2 = opencv()
+        cv2 = opencv("segmenting with SAM")
         rows, columns = (np.flatnonzero((logits > 0).any(axis=axis)) for axis in (1, 0))
         if len(rows) == 0:
             return 0, 0, np.zeros((0, 0), dtype=np.bool_)
@@ -164,13 +164,3 @@ def checked(photo: NDArray[np.uint8], cloth: NDArray[np.bool_]) -> tuple[NDArray
     if cloth.shape != photo.shape[:2] or cloth.dtype != np.bool_:
         raise InvalidImage(f"cloth map: expected shape {photo.shape[:2]} of bool, got {cloth.shape} of {cloth.dtype}")
     return np.ascontiguousarray(photo), cloth
-
-
-def opencv() -> ModuleType:
-    """OpenCV, or `MissingDependency` with the pip line."""
-    try:
-        import cv2
-    except ImportError:
-        raise MissingDependency.for_extra("segmenting with SAM", ["opencv-python-headless"], "perception") from None
-    module: ModuleType = cv2
-    return module

@@ -1,0 +1,152 @@
+"""Photos with marked garments through a segmenter: what is found, merged, split and missed, where the time goes, and a contact sheet.
+
+python bench/perception_table.py --segmenter classical --sheet sheet.png
+
+A garment is *found* if its mark lies in a segment that holds no other mark, *merged* if it shares its segment, *missed* if its mark lies
+on the surface. *Extra* segments hold no mark: parts of a split garment, or things that are no garment. The column "distinct" counts
+found garments among those that touch no garment of their own colour. Photos are looked for beside the marks and in ../shared/photos.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pscover.perception.marks import MarkedPhoto, Tally, read_marks, tally
+from pscover.perception.perceive import Perception, perceive
+
+ROOT = Path(__file__).parents[1]
+MARKS = ROOT / "instances" / "photos" / "marks.json"
+FOLDERS = (ROOT.parent / "shared" / "photos", MARKS.parent)
+TILE = 420
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Row:
+    """One photo, one segmentation."""
+
+    photo: MarkedPhoto
+    perception: Perception
+    tally: Tally
+
+    @property
+    def distinct_found(self) -> int:
+        return len(self.photo.distinct & set(self.tally.found))
+
+
+def path_of(photo: MarkedPhoto) -> Path | None:
+    """Where the photo lies: by its name, or its stem as a JPEG."""
+    for folder in FOLDERS:
+        for name in (photo.file, f"{Path(photo.file).stem}.jpg"):
+            if (folder / name).is_file():
+                return folder / name
+    return None
+
+
+def measure(photo: MarkedPhoto, path: Path, segmenter: str, options: dict[str, Any], whole: bool) -> Row:
+    seen = perceive(path, segmenter=segmenter, options=options, roi=None if whole else photo.roi)
+    return Row(photo=photo, perception=seen, tally=tally(seen.labels, photo))
+
+
+def print_table(rows: list[Row]) -> None:
+    stages = list(dict.fromkeys(stage.name for row in rows for stage in row.perception.stages))
+    print(f"{'photo':24s} marks found merged missed segments extra distinct  {'  '.join(stages)}  CPU s")
+    for row in rows:
+        counts = row.tally
+        spent = {stage.name: stage.cpu_seconds for stage in row.perception.stages}
+        print(
+            f"{row.photo.file:24s} {len(row.photo.garments):5d} {len(counts.found):5d} {len(counts.merged):6d} "
+            f"{len(counts.missed):6d} {counts.segments:8d} {counts.extra:5d} "
+            f"{row.distinct_found:4d}/{len(row.photo.distinct):<3d} "
+            + "  ".join(f"{spent.get(name, 0):{len(name)}.2f}" for name in stages)
+            + f"  {row.perception.cpu_seconds:.2f}"
+        )
+    total: Counter[str] = Counter()
+    for row in rows:
+        total.update(marks=len(row.photo.garments), found=len(row.tally.found), merged=len(row.tally.merged))
+        total.update(missed=len(row.tally.missed), segments=row.tally.segments, extra=row.tally.extra)
+        total.update(distinct=len(row.photo.distinct), distinct_found=row.distinct_found)
+    print(
+        f"{len(rows)} photos: {total['found']} of {total['marks']} garments found ({total['found'] / total['marks']:.0%}), "
+        f"{total['merged']} merged, {total['missed']} missed; {total['distinct_found']} of {total['distinct']} "
+        f"({total['distinct_found'] / total['distinct']:.0%}) where colours differ; "
+        f"{total['segments'] / total['marks']:.2f} segments a garment, {total['extra']} extra; "
+        f"{np.mean([row.perception.cpu_seconds for row in rows]):.2f} CPU s a photo"
+    )
+
+
+def sheet(rows: list[Row]) -> NDArray[np.uint8]:
+    """One line a photo: photo with marks, cloth map, segments."""
+    return np.concatenate([np.concatenate([_tile(view) for view in _views(row)], axis=1) for row in rows])
+
+
+def _views(row: Row) -> list[NDArray[np.uint8]]:
+    import cv2
+
+    seen = row.perception
+    photo = seen.grid.enlarged(np.asarray(seen.scene.photo))
+    cloth = seen.grid.enlarged(seen.cloth_map.cloth)
+    labels = seen.labels
+    marked = photo.copy()
+    cv2.polylines(marked, [np.array(row.photo.roi, dtype=np.int32)], True, (255, 0, 0), 1)
+    colours = np.random.default_rng(5).integers(60, 256, (int(labels.max()) + 1, 3)).astype(np.uint8)
+    colours[0] = 0
+    segments = (photo * 0.4 + colours[labels] * 0.6).astype(np.uint8)
+    edge = np.zeros(labels.shape, dtype=np.bool_)
+    edge[:, 1:] |= labels[:, 1:] != labels[:, :-1]
+    edge[1:] |= labels[1:] != labels[:-1]
+    segments[edge] = 255
+    for picture in (marked, segments):
+        for click in row.photo.garments:
+            good = click.name in row.tally.found
+            cv2.circle(picture, (click.x, click.y), 5, (0, 255, 0) if good else (255, 0, 0), -1)
+            cv2.circle(picture, (click.x, click.y), 5, (0, 0, 0), 1)
+    return [marked, np.where(cloth[:, :, None], photo, 0).astype(np.uint8), segments]
+
+
+def _tile(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    import cv2
+
+    return np.asarray(cv2.resize(picture, (TILE, TILE * 3 // 4), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--segmenter", default="classical")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter of the segmenter")
+    parser.add_argument("--whole", action="store_true", help="without the regions of interest")
+    parser.add_argument("--sheet", type=Path, metavar="PNG")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="the counts, one object a photo")
+    given = parser.parse_args()
+    options = dict(word.split("=", 1) for word in given.set)
+    rows = []
+    for photo in read_marks(MARKS):
+        path = path_of(photo)
+        if path is None:
+            print(f"{photo.file}: not here, skipped")
+            continue
+        rows.append(measure(photo, path, given.segmenter, options, given.whole))
+    print_table(rows)
+    if given.sheet is not None:
+        import cv2
+
+        cv2.imwrite(str(given.sheet), sheet(rows)[:, :, ::-1])
+    if given.json is not None:
+        fields = ("found", "merged", "missed", "segments", "extra")
+        table = [
+            {"file": row.photo.file, **{name: getattr(row.tally, name) for name in fields}}
+            | {"cpu_seconds": {stage.name: stage.cpu_seconds for stage in row.perception.stages}}
+            for row in rows
+        ]
+        given.json.write_text(json.dumps(table, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
