@@ -1,10 +1,11 @@
-"""Photos with marked garments through a segmenter: what is found, merged, split and missed, where the time goes, and a contact sheet.
+"""Photos with marked garments through a segmenter: what is found, what the time goes into, and a contact sheet.
 
 python bench/perception_table.py --segmenter classical --sheet sheet.png
 
-A garment is *found* if its mark lies in a segment that holds no other mark, *merged* if it shares its segment, *missed* if its mark lies
-on the surface. *Extra* segments hold no mark: parts of a split garment, or things that are no garment. The column "distinct" counts
-found garments among those that touch no garment of their own colour. Photos are looked for beside the marks and in ../shared/photos.
+A garment is *found* if its mark lies in a segment that holds no other mark, *merged* if it shares its segment, *missed* if
+its mark lies on the surface. *Extra* segments hold no mark: parts of a split garment, or things that are no garment. The
+column "distinct" counts found garments among those that touch no garment of their own colour. Photos are looked for beside
+the marks and in ../shared/photos.
 """
 
 from __future__ import annotations

@@ -19,7 +19,9 @@ from pscover.errors import (
 )
 from pscover.instance import Instance, Meta
 from pscover.isolate import warm_up
+from pscover.planning import Plan, plan
 from pscover.result import Progress, Result, Settings, Status, Stop
+from pscover.scene import Scene
 from pscover.solve import solve
 from pscover.verify import verify
 
@@ -34,14 +36,17 @@ __all__ = [
     "InvalidSettings",
     "Meta",
     "MissingDependency",
+    "Plan",
     "Progress",
     "PscoverError",
     "Refused",
     "Result",
+    "Scene",
     "Settings",
     "Status",
     "Stop",
     "UnknownName",
+    "plan",
     "solve",
     "verify",
     "warm_up",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Any
 
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pscover import registry
 from pscover.backend import Backend
+from pscover.errors import Refused
 from pscover.formulation import Formulation
 from pscover.goal import Cover
 from pscover.grasping.candidates import ELLIPSE, SAMPLING, candidates
@@ -21,7 +22,7 @@ from pscover.grasping.conflicts import Conflicts
 from pscover.grasping.predictor import Predictor
 from pscover.grasping.sampling import Sampling
 from pscover.instance import TOLERANCE, Instance
-from pscover.result import Observer, Result, Settings, ignore
+from pscover.result import Observer, Result, Settings, Stop, ignore
 from pscover.scene import Scene
 from pscover.solve import solve
 
@@ -152,8 +153,9 @@ def plan(
 ) -> Plan:
     """Plan the grasps that clear a scene with the fewest trips.
 
-    Where no plan meets every requirement (a thin garment far from all others has one part only, so that one grasp must
-    do), the plan comes as close as it can, and `Plan.unmet` names the garments that it leaves short.
+    Where no plan that meets every requirement exists (a thin garment far from all others has one part only, so that one
+    grasp must do) or is found, the plan comes as close as it can, and `Plan.unmet` names the garments that it leaves
+    short. It is that of the "elastic" formulation, by HiGHS where `backend` refuses it.
 
     Parameters
     ----------
@@ -196,13 +198,20 @@ def plan(
     instance = candidates(scene, sampling=sampling, predictor=predictor, conflicts=conflicts, required=required, seed=seed)
     drawn = clock.monotonic()
 
-    def solved(chosen_form: str | Formulation) -> Result:
-        left = max(SHORTEST, time - (clock.monotonic() - begin))
-        return solve(instance, backend=backend, formulation=chosen_form, settings=settings, observe=observe, time=left)
+    start = best_effort(instance)
 
-    result, strict = solved(form), None
+    def solved(form: Formulation | str, engine: Backend | str, most: float = math.inf) -> Result:
+        left = max(SHORTEST, min(most, time - (clock.monotonic() - begin)))
+        stage = replace(settings, time=left, start=start)
+        return solve(instance, backend=engine, formulation=form, settings=stage, observe=observe)
+
+    result, strict = solved(form, backend), None
     if not result.has_plan:
-        result, strict = solved("elastic"), result
+        strict, most = result, SHORTEST if result.stop is Stop.INTERRUPT else math.inf
+        try:
+            result = solved("elastic", backend, most)
+        except Refused:
+            result = solved("elastic", "highs", most)
     bounding = strict or result
     return Plan(
         scene=scene,
@@ -216,6 +225,37 @@ def plan(
         bound=bounding.bound if isinstance(form.goal, Cover) else -math.inf,
         seconds=Stages(candidates=drawn - begin, solve=clock.monotonic() - drawn),
     )
+
+
+def best_effort(instance: Instance) -> tuple[int, ...]:
+    """Candidates free of conflicts that greedily bring the coverage towards the requirements, whether these are met or not.
+
+    Each step takes the candidate that adds most for its cost, an element counting up to its requirement (in log units).
+
+    Examples
+    --------
+    >>> best_effort(Instance.of([[0.6, 0.5, 0.0], [0.0, 0.0, 0.2]], required=0.7, conflicts=[(0, 1)]))
+    (0, 2)
+    """
+    weights = instance.truncated_weights()
+    owner = np.repeat(np.arange(instance.candidates), np.diff(weights.indptr))
+    membership = instance.conflicts.matrix(instance.candidates).tocsc()
+    left = np.ones(instance.elements)
+    allowed = np.ones(instance.candidates, dtype=np.bool_)
+    chosen: list[int] = []
+    while allowed.any():
+        gained = np.minimum(weights.data, left[weights.indices])
+        gain = np.bincount(owner, weights=gained, minlength=instance.candidates) * allowed / instance.cost
+        best = int(gain.argmax())
+        if gain[best] <= TOLERANCE:
+            break
+        chosen.append(best)
+        allowed[best] = False
+        for clique in membership.indices[membership.indptr[best] : membership.indptr[best + 1]]:
+            allowed[instance.conflicts[int(clique)]] = False
+        span = slice(weights.indptr[best], weights.indptr[best + 1])
+        left[weights.indices[span]] = np.maximum(0.0, left[weights.indices[span]] - weights.data[span])
+    return tuple(sorted(chosen))
 
 
 def as_scene(given: Scene | str | PathLike[str] | ArrayLike) -> Scene:

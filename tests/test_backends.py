@@ -648,3 +648,12 @@ def test_reports_of_bounds_are_spaced(monkeypatch: pytest.MonkeyPatch) -> None:
     assert stops == [False] * 6 + [True]
     answer = session.answer(Status.UNKNOWN)
     assert (answer.status, answer.stop, answer.bound) == (Status.FEASIBLE, Stop.TIME, 2.0)
+
+
+def test_engines_that_clash_share_no_worker() -> None:
+    """OR-tools and highspy, each after the other: whoever came second to a process could not load."""
+    _needs_ortools()
+    built = clique_model(TWO)
+    for name in ("cpsat", "highs", "cpsat", "highs"):
+        answer = isolate.run(registry.backend(name), built, Settings(), ignore, Clock(60.0))
+        assert answer.status is Status.OPTIMAL

@@ -113,8 +113,7 @@ def test_real_records(path: Path | None) -> None:
         assert list(found.shape) == record["segmentation"]["size"]
         assert ours.area == record["area"]
         x, y, width, height = record["bbox"]
-        # The generator's boxes end at the last pixel, not after it.
-        assert (ours.left, ours.top, ours.bits.shape) == (x, y, (height + 1, width + 1))
+        assert (ours.left, ours.top, ours.bits.shape) == (x, y, (height, width))
         assert ours.score == min(record["predicted_iou"], 1.0)
 
 

@@ -104,4 +104,4 @@ def test_what_cannot_be_laid(arguments: dict[str, Any], words: str) -> None:
 def test_the_papers_series() -> None:
     found = dict(series())
     assert [instance.elements for instance in found.values()] == list(COUNTS)
-    assert list(found)[0] == "garments-05"
+    assert next(iter(found)) == "garments-05"

@@ -106,7 +106,7 @@ def test_probability_counts_the_pixels_under_the_ellipse(predictor: Ellipse) -> 
     scene = garments(10, seed=1, size=(120, 160), layout="piled")
     generator = np.random.default_rng(0)
     x, y, theta = generator.integers(-30, 190, 150), generator.integers(-30, 150, 150), generator.uniform(-2, 2, 150)
-    poses = np.column_stack((x, y, theta))
+    poses = np.column_stack((x.astype(float), y.astype(float), theta)).astype(np.float64)
     poses[100:, :2] += generator.uniform(0, 1, (50, 2))
     poses[:20, :2] = 0, 0
     poses[20:40, :2] = 159, 119
@@ -189,7 +189,7 @@ def test_merged_edges_are_exactly_the_edges(listed: list[tuple[int, int]], rando
 
 
 def test_merged_edges_of_disjoint_cliques_are_those() -> None:
-    groups = [range(0, 30), range(30, 60), range(60, 62)]
+    groups = [range(30), range(30, 60), range(60, 62)]
     listed = [pair for group in groups for pair in itertools.combinations(group, 2)]
     assert [clique.tolist() for clique in merge_edges(listed)] == [list(group) for group in groups]
 

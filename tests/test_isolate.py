@@ -24,14 +24,14 @@ def _solve(engine: Misbehaving, seconds: float = 20.0) -> Result:
 
 
 def test_an_engine_that_ignores_its_limit_is_ended_with_its_best_plan() -> None:
-    result = _solve(Misbehaving(plans=((0, 1), (2,)), bound=1.0, then="sleep"), seconds=1.5)
+    result = _solve(Misbehaving(plans=((0, 1), (2,)), bound=1.0, then="sleep"), seconds=5.0)
     assert result.stop is Stop.TIME
     assert result.status is Status.FEASIBLE
     assert result.chosen is not None
     assert result.chosen.tolist() == [2]
     assert result.bound == 1.0
     assert [p.objective for p in result.trace] == [2.0, 1.0]
-    assert result.timing.total < 5
+    assert result.timing.total < 30
 
 
 def test_without_a_plan_the_deadline_leaves_it_unknown() -> None:

@@ -208,6 +208,14 @@ def dual_bound(form: CoverForm) -> float:
 
     Row by row, those with the fewest candidates first, y_j rises until the reduced cost of a candidate of the row is 0
     (dual ascent: Bilde and Krarup 1977). Packing rows are left out, which keeps the bound valid.
+
+    Examples
+    --------
+    >>> from scipy.sparse import csr_array
+    >>> W = csr_array(np.array([[1.0, 1.0, 0.0], [0.0, 0.5, 1.0]]))
+    >>> form = CoverForm(c=np.array([2.0, 3.0, 4.0]), W=W, P=csr_array((0, 3)), allowed=np.ones(3, dtype=bool))
+    >>> round(dual_bound(form), 9)
+    4.0
     """
     slack = np.where(form.allowed, form.c, np.inf)
     total = 0.0

@@ -112,7 +112,7 @@ class Session:
         It is rounded up where the objective is a whole number.
         """
         if self.integral and math.isfinite(bound):
-            bound = max(bound, math.ceil(bound - 1e-6 * max(1.0, abs(bound))))
+            bound = max(bound, float(math.ceil(bound - 1e-6 * max(1.0, abs(bound)))))
         with self.lock:
             if math.isfinite(bound) and bound > self.bound:
                 self.bound = bound

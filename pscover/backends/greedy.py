@@ -26,6 +26,15 @@ class Greedy:
     ----------
     moves
         Most repair moves after the greedy choice is stuck.
+
+    Examples
+    --------
+    >>> from pscover import Instance, registry
+    >>> from pscover.result import ignore
+    >>> model = registry.formulation("clique").build(Instance.of([[0.8, 0.0, 0.75], [0.0, 0.9, 0.75]]))
+    >>> answer = Greedy().solve(model, Settings(), ignore)
+    >>> answer.chosen.tolist(), answer.bound, str(answer.status)
+    ([2], 1.0, 'optimal')
     """
 
     name: ClassVar[str] = "greedy"
@@ -50,11 +59,12 @@ class Greedy:
         form = as_cover(model)
         if len(hopeless_rows(form)):
             return session.answer(Status.INFEASIBLE)
-        session.bounded(model.offset + dual_bound(form))
         if settings.start is not None:
             _improve_start(form, settings.start, session)
-        search = Search(form)
         if not session.over():
+            session.bounded(model.offset + dual_bound(form))
+        if not session.over():
+            search = Search(form)
             rng = np.random.default_rng(settings.seed)
             if search.complete(session.over) or repair(search, rng, self.moves, session.over):
                 search.reverse_delete()

@@ -63,7 +63,7 @@ class Highs:
     name: ClassVar[str] = "highs"
     exact: ClassVar[bool] = True
     isolated: ClassVar[bool] = True
-    requires: ClassVar[tuple[str, ...]] = ()
+    requires: ClassVar[tuple[str, ...]] = ("highspy",)
     extra: ClassVar[str] = ""
 
     def refuses(self, model: Model) -> str | None:
@@ -123,15 +123,15 @@ def _watch(engine: Any, session: Session) -> None:
 
     def improved(event: Any) -> None:
         if session.point(event.data_out.mip_solution):
-            event.interrupt()
+            event.data_in.user_interrupt = True
 
     def polled(event: Any) -> None:
         if session.bounded(event.data_out.mip_dual_bound):
-            event.interrupt()
+            event.data_in.user_interrupt = True
 
     def ticked(event: Any) -> None:
         if session.over():
-            event.interrupt()
+            event.data_in.user_interrupt = True
 
     engine.cbMipImprovingSolution += improved
     engine.cbMipInterrupt += polled

@@ -44,7 +44,7 @@ class LpRounding:
     name: ClassVar[str] = "lp-rounding"
     exact: ClassVar[bool] = False
     isolated: ClassVar[bool] = True
-    requires: ClassVar[tuple[str, ...]] = ()
+    requires: ClassVar[tuple[str, ...]] = ("highspy",)
     extra: ClassVar[str] = ""
 
     trials: int = 50
@@ -141,7 +141,7 @@ def _relax(session: Session) -> tuple[FloatArray, float] | None:
 
 def _interrupt(session: Session, event: Any) -> None:
     if session.over():
-        event.interrupt()
+        event.data_in.user_interrupt = True
 
 
 def _dual_value(model: Model, y: FloatArray) -> float:

@@ -111,7 +111,8 @@ def _conclude(built: Any, found: Any, session: Session) -> Answer:
         found.solution_loader.load_vars()
         # Variables in no row and without a cost never reach the engine.
         session.claimed([variable.value or 0.0 for variable in built.x.values()])
-    if found.objective_bound is not None:
+    unbounded = (TerminationCondition.unbounded, TerminationCondition.infeasibleOrUnbounded)
+    if found.objective_bound is not None and ended not in unbounded:
         session.bounded(found.objective_bound)
     if found.solution_status == SolutionStatus.optimal and session.chosen is not None:
         return session.answer(Status.OPTIMAL)

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from pscover.cliques import Cliques, merge_edges
 from pscover.errors import InvalidSettings
@@ -45,6 +44,8 @@ class CloserThan:
         >>> [clique.tolist() for clique in CloserThan(pixels=3).cliques(grasps, (40, 12))]
         [[0, 1], [1, 2]]
         """
+        from scipy.spatial import cKDTree
+
         # Grasps at one point have the same neighbours: the cover is found among points, then each brings its grasps.
         points, point = np.unique(grasps.poses[:, :2], axis=0, return_inverse=True)
         point = point.ravel()

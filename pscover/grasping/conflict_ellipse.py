@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from pscover.cliques import Cliques, merge_edges
 from pscover.errors import InvalidSettings, MissingDependency
@@ -64,6 +63,8 @@ class Overlapping:
         shapes = shapely.polygons(outlines(grasps.poses, axes, self.corners))
         tree = shapely.STRtree(shapes)
         # Ellipses whose centres are a minor axis apart overlap for sure: too many are known before any is compared.
+        from scipy.spatial import cKDTree
+
         centres = cKDTree(grasps.poses[:, :2])
         _check_count((int(centres.count_neighbors(centres, min(axes))) - len(shapes)) // 2, len(shapes))
         found = [np.zeros((0, 2), dtype=np.int32)]

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from pscover.scene import Scene
 
@@ -69,6 +68,9 @@ def partition(scene: Scene, reach: float = 20.0) -> Partition:
     height, width = scene.shape
     parts = np.where(scene.segments >= 0, 0, -1).astype(np.int32)
     refined = _Refinement()
+    # SciPy's image functions take longer to import than many a scene to plan: only when there is one.
+    from scipy import ndimage
+
     boxes = ndimage.find_objects(scene.segments + 1, max_label=scene.garments)
     for j, (rows, columns) in enumerate(boxes):
         top, bottom = max(0, rows.start - margin), min(height, rows.stop + margin)

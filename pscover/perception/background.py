@@ -75,7 +75,7 @@ def parse_background(text: str | Background) -> Background:
         return Colour(*(int(channel[:4]) for channel in triple.groups()))
     if HEX.fullmatch(text.strip()):
         return _hexadecimal(text.strip()[1:])
-    if text.lstrip().startswith("#") or not _exists(text):
+    if not text.strip() or text.lstrip().startswith("#") or not _exists(text):
         raise InvalidSettings(
             'background: expected "auto", a colour (R,G,B or #rrggbb) or the path of a photo of the empty table, '
             f"got {text!r}"

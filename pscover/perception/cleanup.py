@@ -75,8 +75,8 @@ class CleanUp:
     def __post_init__(self) -> None:
         for name, value, highest in (
             ("min_segment_area", self.min_segment_area, 1e9), ("off_cloth", self.off_cloth, 1),
-            ("redundant", self.redundant, 1), ("group_cover", self.group_cover, 1), ("part_share", self.part_share, 1), ("contrast", self.contrast, 1000),
-            ("gap", self.gap, 1000),
+            ("redundant", self.redundant, 1), ("group_cover", self.group_cover, 1),
+            ("part_share", self.part_share, 1), ("contrast", self.contrast, 1000), ("gap", self.gap, 1000),
         ):  # fmt: skip
             if not (math.isfinite(value) and 0 <= value <= highest):
                 raise InvalidSettings(f"{name}: expected a number from 0 to {highest:g}, got {value!r}")

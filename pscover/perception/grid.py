@@ -38,7 +38,7 @@ class Grid:
 
     @classmethod
     def over(
-        cls, photo_shape: tuple[int, int], *, pixels_per_cm: float = PAPER_PIXELS_PER_CM, pixel_limit: int = 2**19
+        cls, photo_shape: tuple[int, int], *, pixels_per_cm: float = PAPER_PIXELS_PER_CM, pixel_limit: int = 400_000
     ) -> Grid:
         """The grid for a photo of that size.
 
@@ -58,8 +58,8 @@ class Grid:
 
         Examples
         --------
-        >>> Grid.over((480, 640)).shape, Grid.over((2160, 3840), pixels_per_cm=18.8).shape
-        ((480, 640), (540, 960))
+        >>> Grid.over((480, 640)).shape, Grid.over((1080, 1920), pixels_per_cm=18.8).shape
+        ((480, 640), (270, 480))
         """
         if not (math.isfinite(pixels_per_cm) and pixels_per_cm > 0):
             raise InvalidSettings(f"pixels_per_cm: expected a positive number, got {pixels_per_cm!r}")

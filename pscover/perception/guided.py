@@ -8,19 +8,23 @@ batches, widest places first; masks are judged and thinned out at low resolution
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from pscover.errors import InvalidSettings
 from pscover.perception.colour import lab, opencv
-from pscover.perception.mask import Mask
 from pscover.perception.promptable import Decoded, Embedded, FloatArray, Frame, Promptable, checked
 from pscover.perception.prompts import interior_points
 from pscover.perception.proposals import Proposals, areas, distinct, stability
 from pscover.perception.segmenter import Segmentation
 from pscover.perception.stopwatch import Stopwatch
+from pscover.perception.unions import without_unions
+
+RIM = 2
+"""Cells over which the blur of colours reaches."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +53,9 @@ class Guide:
         Of two masks with a greater intersection over union the worse one is dropped.
     on_cloth
         At least this share of a mask must be cloth.
+    margin
+        The model is shown the cloth's bounding box and around it this share of the box's longer side: what lies beyond costs
+        resolution.
     """
 
     prompts: int = 96
@@ -61,6 +68,7 @@ class Guide:
     min_stability: float = 0.9
     max_overlap: float = 0.75
     on_cloth: float = 0.6
+    margin: float = 0.15
 
     def __post_init__(self) -> None:
         for name in ("prompts", "batch"):
@@ -68,14 +76,12 @@ class Guide:
                 raise InvalidSettings(f"{name}: expected at least 1, got {getattr(self, name)}")
         if not 0 < self.alike < math.inf:
             raise InvalidSettings(f"alike: expected a positive distance, got {self.alike}")
-        for name in ("covered", "reach", "thinnest", "min_iou", "min_stability", "max_overlap", "on_cloth"):
+        for name in ("covered", "reach", "thinnest", "min_iou", "min_stability", "max_overlap", "on_cloth", "margin"):
             if not 0 <= getattr(self, name) <= 1:
                 raise InvalidSettings(f"{name}: expected a share from 0 to 1, got {getattr(self, name)}")
 
 
-def segment_guided(
-    model: Promptable, photo: NDArray[np.uint8], cloth: NDArray[np.bool_], guide: Guide
-) -> Segmentation:
+def segment_guided(model: Promptable, photo: NDArray[np.uint8], cloth: NDArray[np.bool_], guide: Guide) -> Segmentation:
     """Masks of the garments, with the time of the stages "encoder", "decoder" and "post-processing".
 
     Parameters
@@ -98,13 +104,30 @@ def segment_guided(
     watch = Stopwatch()
     if not cloth.any():
         return Segmentation(masks=(), stages=watch.stages)
+    part = _around(cloth, guide.margin)
+    photo, cloth = np.ascontiguousarray(photo[part]), cloth[part]
     with watch.stage("encoder"):
         embedded = model.embed(photo)
-    found = Search(embedded, cloth, cell_colours(photo, embedded.frame), guide, watch).run()
     with watch.stage("post-processing"):
-        kept = found[distinct(found.inside(), found.score, guide.max_overlap)]
-        masks: tuple[Mask, ...] = tuple(kept.enlarged(embedded.frame))
+        colour = cell_colours(photo, embedded.frame)
+    found = Search(embedded, cloth, colour, guide, watch).run()
+    with watch.stage("post-processing"):
+        found = found[distinct(found.inside(), found.score, guide.max_overlap)]
+        found = found[without_unions(found.inside(), found.score, colour, guide.min_iou, guide.alike)]
+        masks = tuple(
+            replace(mask, top=mask.top + part[0].start, left=mask.left + part[1].start)
+            for mask in found.enlarged(embedded.frame)
+        )
     return Segmentation(masks=masks, stages=watch.stages)
+
+
+def _around(cloth: NDArray[np.bool_], margin: float) -> tuple[slice, slice]:
+    """The bounding box of the cloth with a margin, cut to the photo."""
+    rows, columns = (np.flatnonzero(cloth.any(axis=axis)) for axis in (1, 0))
+    pad = round(margin * (1 + max(rows[-1] - rows[0], columns[-1] - columns[0])))
+    top, bottom = max(0, rows[0] - pad), min(cloth.shape[0], rows[-1] + pad + 1)
+    left, right = max(0, columns[0] - pad), min(cloth.shape[1], columns[-1] + pad + 1)
+    return slice(int(top), int(bottom)), slice(int(left), int(right))
 
 
 class Search:
@@ -150,7 +173,7 @@ class Search:
         return found
 
     def _open(self) -> bool:
-        return np.count_nonzero(self.unexplained) > (1 - self.guide.covered) * np.count_nonzero(self.cloth)
+        return bool(np.count_nonzero(self.unexplained) > (1 - self.guide.covered) * np.count_nonzero(self.cloth))
 
     def _ask(self, cells: NDArray[np.intp]) -> Proposals:
         with self.watch.stage("decoder"):
@@ -187,6 +210,8 @@ class Search:
             if len(around):
                 smallest = inside[around[size[around].argmin()]]
                 alike = np.linalg.norm(self.colour - self.colour[row, column], axis=2) <= self.guide.alike
+                # At a garment's rim the cells' colours are blurred with its neighbour's.
+                alike = binary_dilation(alike, iterations=RIM)
                 self.unexplained &= ~(smallest & alike & _disc(self.cloth.shape, row, column, self.reach))
 
 

@@ -49,7 +49,9 @@ MOBILE_SAM = Weights(
     digests=("6dbb90523a35330fedd7f1d3dfc66f995213d81b29a5ca8108dbcdd4e37d6c2f",),
     origin="the official MobileSAM weights (Apache-2.0), weights/mobile_sam.pt of github.com/ChaoningZhang/MobileSAM",
 )
-_EXPORTED = f"made from {MOBILE_SAM.file} by `pscover models export {MOBILE_SAM.file}`; {MOBILE_SAM.file} is {MOBILE_SAM.origin}"
+_EXPORTED = (
+    f"made from {MOBILE_SAM.file} by `pscover models export {MOBILE_SAM.file}`; {MOBILE_SAM.file} is {MOBILE_SAM.origin}"
+)
 ENCODER = Weights(
     file="mobile_sam_encoder.onnx",
     digests=("f516d0a4ab5a825f0cc8b282365519404bf9317ba6a990476bcec7728a3d0bf2",),
@@ -165,7 +167,10 @@ def stamp(path: Path) -> tuple[int, int]:
 @lru_cache(maxsize=32)
 def _digest(path: Path, _: tuple[int, int]) -> str:
     with opened(path, WEIGHTS_LIMIT, InvalidSettings) as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        whole = hashlib.sha256()
+        while part := file.read(2**20):
+            whole.update(part)
+    return whole.hexdigest()
 
 
 def _sums(path: Path) -> set[str]:

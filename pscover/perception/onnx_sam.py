@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pscover.errors import EngineFailed, InvalidImage, MissingDependency
-from pscover.perception.promptable import Decoded, Frame
 from pscover.perception.models import stamp
+from pscover.perception.promptable import Decoded, Frame
 
 INPUTS = ("emb", "pts", "lab")
 

@@ -77,7 +77,7 @@ class Frame:
     def in_square(self, points: NDArray[np.float64]) -> FloatArray:
         """Points (x, y) of the photo in the model's square, shape (n, 2)."""
         height, width = self.scaled
-        return (points * np.array([width / self.width, height / self.height])).astype(np.float32)
+        return np.asarray(points * np.array([width / self.width, height / self.height]), dtype=np.float32)
 
     def in_photo(self, cells: NDArray[np.float64]) -> NDArray[np.float64]:
         """The middles of cells, given as (row, column), as points (x, y) of the photo, shape (n, 2)."""

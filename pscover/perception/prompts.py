@@ -8,7 +8,7 @@ from scipy.ndimage import distance_transform_edt
 
 
 def interior_points(unexplained: NDArray[np.bool_], count: int, reach: float, thinnest: float) -> NDArray[np.intp]:
-    """Up to `count` cells, each the one farthest from the rim of what is left when the discs around the earlier ones are gone.
+    """Up to `count` cells, each farthest from the rim of what is left when the discs around the earlier ones are gone.
 
     Parameters
     ----------

@@ -45,9 +45,7 @@ class Proposals:
         return Proposals(logits=self.logits[which], score=self.score[which])
 
     def __add__(self, other: Proposals) -> Proposals:
-        return Proposals(
-            logits=np.concatenate([self.logits, other.logits]), score=np.concatenate([self.score, other.score])
-        )
+        return Proposals(logits=np.concatenate([self.logits, other.logits]), score=np.concatenate([self.score, other.score]))
 
     def inside(self) -> NDArray[np.bool_]:
         """Which cells belong to each mask, shape (n, rows, columns)."""
@@ -67,6 +65,12 @@ def areas(inside: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.asarray(np.count_nonzero(_flat(inside), axis=1), dtype=np.intp)
 
 
+def shared(inside: NDArray[np.bool_]) -> FloatArray:
+    """Cells that each two masks share, shape (n, rows, columns) to (n, n)."""
+    flat = _flat(inside).astype(np.float32)
+    return np.asarray(flat @ flat.T, dtype=np.float32)
+
+
 def stability(logits: FloatArray, offset: float = 1.0) -> FloatArray:
     """How little each mask depends on where the logits are cut: |logits > offset| / |logits > -offset|, shape (n,).
 
@@ -81,7 +85,7 @@ def stability(logits: FloatArray, offset: float = 1.0) -> FloatArray:
     flat = _flat(logits)
     certain = np.count_nonzero(flat > offset, axis=1)
     possible = np.count_nonzero(flat > -offset, axis=1)
-    return (certain / np.maximum(possible, 1)).astype(np.float32)
+    return np.asarray(certain / np.maximum(possible, 1), dtype=np.float32)
 
 
 def distinct(inside: NDArray[np.bool_], score: FloatArray, overlap: float) -> NDArray[np.intp]:
@@ -104,8 +108,7 @@ def distinct(inside: NDArray[np.bool_], score: FloatArray, overlap: float) -> ND
     >>> distinct(masks, np.array([0.8, 0.9, 0.7], dtype=np.float32), 0.6).tolist()
     [1, 2]
     """
-    flat = _flat(inside).astype(np.float32)
-    common = flat @ flat.T
+    common = shared(inside)
     own = np.diag(common)
     iou = common / np.maximum(own[:, None] + own - common, 1)
     kept: list[int] = []

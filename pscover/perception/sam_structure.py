@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import pickle
 import re
+import warnings
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -37,7 +38,10 @@ def load_sam(path: Path) -> Any:
     import torch
 
     try:
-        state = torch.load(path, map_location="cpu", weights_only=True)
+        with warnings.catch_warnings():
+            # Of files that are no checkpoints torch warns before it refuses them.
+            warnings.simplefilter("ignore")
+            state = torch.load(path, map_location="cpu", weights_only=True)
     except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, OSError, KeyError) as error:
         reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise InvalidImage(f"{path}: expected a SAM checkpoint of tensors, got something else ({reason})") from None
@@ -45,7 +49,9 @@ def load_sam(path: Path) -> Any:
         return build_sam(state)
     except (KeyError, RuntimeError, IndexError, AttributeError, TypeError, ValueError) as error:
         reason = str(error).strip().splitlines()[0]
-        raise InvalidImage(f"{path}: expected the weights of SAM ViT-B, -L, -H or MobileSAM, got others ({reason})") from None
+        raise InvalidImage(
+            f"{path}: expected the weights of SAM ViT-B, -L, -H or MobileSAM, got others ({reason})"
+        ) from None
 
 
 def build_sam(state: dict[str, Any]) -> Any:

@@ -22,9 +22,11 @@ BoolImage = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
 SAMPLES = 20_000
 """About so many pixels enter a fit."""
-FIRST, LAST, SHRINK, ROUNDS = 22.0, 10.0, 0.75, 8
-"""The distance within which pixels enter a fit: at first, at last, its factor from round to round, and the rounds."""
-RIDGE = 3e-3, 0.1, 0.1
+SEEN, SAID = 12.0, 22.0
+"""The distance within which pixels enter a fit at first: to a colour seen in the photo, and to one that the user gave."""
+LAST, SHRINK, ROUNDS = 8.0, 0.75, 12
+"""The distance at last, its factor from round to round, and the rounds."""
+RIDGE = 5e-3, 0.3, 0.3
 """Holds the fits of L, a and b back from following garments: lamps change a surface's lightness more than its hue."""
 ROUGHNESS = 1e-9, 1.0, 1.0, 2.0, 2.0, 2.0
 """How much of it each term of the quadratic gets."""
@@ -43,8 +45,8 @@ class Surface:
     weights
         Of L, a and b in a colour distance, shape (3,).
     colours
-        For each colour of the surface and each of L, a and b: the coefficients of 1, x, y, xy, x^2 and y^2, where x and y run
-        from -1 to 1 over the grid, shape (colours, 6, 3).
+        For each colour of the surface and each of L, a and b: the coefficients of 1, x, y, xy, x^2 and y^2, where x and y
+        run from -1 to 1 over the grid, shape (colours, 6, 3).
     empty
         Smoothed Lab of the empty table to which the one colour is an offset, shape (H, W, 3), or None.
     """
@@ -99,11 +101,11 @@ def fit_surface(
     if isinstance(background, EmptyTable):
         check_size(background, grid.photo_shape)
         empty = smooth_lab(grid.scaled(background.photo), median)
-        offset = sample.less(empty).fit(np.zeros(3))
+        offset = sample.less(empty).fit(np.zeros(3), SAID)
         return Surface(weights=weights, colours=offset[None], empty=empty)
     if isinstance(background, Colour):
         one = np.array([[[background.red, background.green, background.blue]]], dtype=np.uint8)
-        return Surface(weights=weights, colours=sample.fit(lab(one)[0, 0].astype(float))[None])
+        return Surface(weights=weights, colours=sample.fit(lab(one)[0, 0].astype(float), SAID)[None])
     return Surface(weights=weights, colours=_automatic(image, inside, weights, sample))
 
 
@@ -115,7 +117,7 @@ def _automatic(image: FloatImage, inside: BoolImage, weights: NDArray[np.float32
         colour = border_colours(image, inside, explained, weights, spread=SPREAD if found else 0.0)
         if colour is None:
             break
-        found.append(sample.fit(colour))
+        found.append(sample.fit(colour, SEEN))
         explained |= Surface(weights=weights, colours=found[-1][None]).distance(image) < LAST
     return np.array(found)
 
@@ -148,11 +150,10 @@ class _Sample:
         """The same pixels, their difference to another image."""
         return _Sample(terms=self.terms, values=self.values - image[self.places], places=self.places, weights=self.weights)
 
-    def fit(self, start: FloatArray) -> FloatArray:
+    def fit(self, start: FloatArray, reach: float) -> FloatArray:
         """Coefficients of a quadratic surface near a colour, shape (6, 3); the colour where too few pixels look like it."""
         coefficients = np.zeros((6, 3))
         coefficients[0] = start
-        reach = FIRST
         for _ in range(ROUNDS):
             near = np.linalg.norm((self.values - self.terms @ coefficients) * self.weights, axis=1) < reach
             if np.count_nonzero(near) < max(FEWEST, 0.002 * len(near)):

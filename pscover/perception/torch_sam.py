@@ -114,7 +114,9 @@ def usable(device: str) -> str:
         reason = (
             "this build of torch is for the CPU alone" if torch.version.cuda is None else f"torch sees {count} CUDA devices"
         )
-        raise Refused(f"device {device!r}: {reason}; use device=cpu, or install torch for CUDA as pytorch.org/get-started says")
+        raise Refused(
+            f"device {device!r}: {reason}; use device=cpu, or install torch for CUDA as pytorch.org/get-started says"
+        )
     return device
 
 

@@ -12,14 +12,17 @@ from pscover.images import PIXEL_LIMIT
 from pscover.perception.connectors.contract import Annotations
 from pscover.perception.mask import Mask
 
-MASK_LIMIT = 2**16
+MASK_LIMIT = 2**14
 """Files of more masks are refused."""
 
 BOX_LIMIT = 2**28
 """The boxes of all masks of a file may have this many pixels together, each a byte of memory."""
 
-WORK_LIMIT = 2**32
-"""This many pixels may be decoded on the way: 60 masks of the largest images, 14 000 of 640 x 480."""
+WORK_LIMIT = 2**31
+"""Decoding may take as much work as looking at so many pixels: 250 masks of whole 4K images, or 4 900 of 640 x 480."""
+
+LEAST_WORK = 2**17
+"""What a mask or an outline of it costs at least, however small it is, in pixels."""
 
 
 def checked_shape(shape: tuple[int, int], place: str) -> tuple[int, int]:
@@ -96,16 +99,19 @@ class Collector:
         self._looked_at = 0
 
     def look_at(self, pixels: int) -> None:
-        """Account for pixels that are about to be decoded.
+        """Account for a mask, or a part of one, whose decoding is about to take as much work as so many pixels.
 
         Raises
         ------
         InvalidImage
             Beyond `WORK_LIMIT`.
         """
-        self._looked_at += pixels
+        self._looked_at += max(pixels, LEAST_WORK)
         if self._looked_at > WORK_LIMIT:
-            raise InvalidImage(f"{self.source}: expected masks that take at most {WORK_LIMIT} pixels to decode, got more")
+            raise InvalidImage(
+                f"{self.source}: expected masks that take at most {WORK_LIMIT} pixels of work to decode, got more; "
+                "leave out masks, or outlines of many corners"
+            )
 
     def reserve(self, count: int, pixels: int) -> None:
         """Account for masks that are about to be made, whose boxes have so many pixels together.

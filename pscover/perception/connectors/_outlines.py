@@ -5,8 +5,9 @@ is inside an outline if its centre is, by the even-odd rule; a centre exactly on
 or lower edge outside, so that outlines which share an edge share no pixel.
 
 Outlines that were traced through the *centres* of the border pixels (`cv2.findContours` does so, and many exporters use
-it) have thereby lost a rim half a pixel wide: the mask comes back with 0.6 to 1.6 % less area, at an intersection over
-union of 0.977 to 0.992 on garments. Run-length encoding is exact; prefer it where there is the choice.
+it) have thereby lost a rim: of real garment masks above 10 000 pixels the median comes back with 1.4 % less area, at an
+intersection over union of 0.98 (at worst 0.96), which is what pycocotools makes of the same outlines; small masks lose
+more. Run-length encoding is exact; prefer it where there is the choice.
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ from pscover.perception.mask import Mask
 
 CROSSING_LIMIT = 2**22
 """An outline may cross this many rows, each edge counted by itself."""
+
+CROSSING_WORK, PIXEL_WORK = 160, 4
+"""What a crossing and a pixel of the box cost, in pixels of a run-length encoded mask."""
 
 FARTHEST = 1e7
 """Coordinates beyond belong to no image."""
@@ -62,6 +66,7 @@ def filled(points: ArrayLike, shape: tuple[int, int], collector: Collector, plac
     total = int(rows_each.sum())
     if total > CROSSING_LIMIT:
         raise InvalidImage(f"{place}: expected an outline that crosses at most {CROSSING_LIMIT} rows, got {total}")
+    collector.look_at(CROSSING_WORK * total)
     edge = np.repeat(np.arange(len(corners)), rows_each)
     rows = np.arange(total) - np.repeat(np.cumsum(rows_each) - rows_each - first, rows_each)
     run, rise = lower[edge, 0] - upper[edge, 0], lower[edge, 1] - upper[edge, 1]
@@ -101,7 +106,7 @@ def _toggled(
         return None
     top, left = int(rows.min()), int(columns.min())
     height, width = int(rows.max()) - top + 1, int(columns.max()) - left
-    collector.look_at(height * width)
+    collector.look_at(PIXEL_WORK * height * width)
     crossings = np.zeros((height, width + 1), dtype=np.uint8)
     np.add.at(crossings, (rows - top, columns - left), 1)
     # Sums modulo 256 keep what is odd.

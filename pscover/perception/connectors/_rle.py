@@ -65,6 +65,7 @@ def decoded(rle: Rle, asked: tuple[int, int] | None, collector: Collector, place
     ends = np.cumsum(counts)
     inside = np.flatnonzero(counts[1::2]) * 2 + 1
     if len(inside) == 0:
+        collector.look_at(0)
         return None
     left, right = int(ends[inside[0] - 1]) // height, (int(ends[inside[-1]]) - 1) // height
     collector.look_at(height * (right - left + 1))

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from pscover.errors import InvalidImage
 from pscover.files import read_bytes
-from pscover.images import BYTE_LIMIT, decode_labels
+from pscover.images import BYTE_LIMIT, PIXEL_LIMIT, decode_labels
 from pscover.perception.connectors._collect import MASK_LIMIT, Collector, agreed, trimmed
 from pscover.perception.connectors.contract import AnnotationFormat, Annotations, Request
 
@@ -29,7 +29,7 @@ def _read(request: Request) -> Annotations:
         data = read_bytes(path, BYTE_LIMIT, InvalidImage)
         if len(data) >= 24:
             width, height = struct.unpack(">II", data[16:24])
-            collector.look_at(width * height)
+            collector.look_at(min(width * height, PIXEL_LIMIT))
         pixels = decode_labels(data, path)
         shape = agreed((pixels.shape[0], pixels.shape[1]), shape, str(path))
         collector.add(trimmed(pixels != 0, 0, 0), score=score)

@@ -105,7 +105,6 @@ def mask_of(
     if pixels.ndim != 2 or pixels.dtype.kind not in "biu":
         raise InvalidImage(f"{place}: expected booleans of shape (H, W) or runs, got {pixels.dtype} of shape {pixels.shape}")
     shape = agreed((pixels.shape[0], pixels.shape[1]), asked, place)
-    collector.look_at(pixels.size)
     return trimmed(pixels != 0, 0, 0), shape
 
 

@@ -3,11 +3,13 @@
 No weights and no training; about half a second of CPU for 640 x 480 pixels. Steps:
 
 1.  two bilateral filters even out folds and knitting without moving edges;
-2.  features [0.3 L, 75 a/(L + 25), 75 b/(L + 25)] of Lab: chroma over lightness hardly moves when a fold darkens a cloth,
-    and what is left of L keeps black, grey and white apart;
+2.  features [10 ln(Y + 2), 75 a/(L + 25), 75 b/(L + 25)] of Lab and luminance Y in percent: chroma over lightness hardly
+    moves when a fold darkens a cloth, and shading moves the logarithm alike on white and on grey, which leaves room between
+    grey and black;
 3.  a compact watershed of the features' gradient from a grid of markers cuts the cloth into regions of like size that
     follow edges;
-4.  neighbouring regions are merged, the most alike first (`pscover.perception.merging`).
+4.  neighbouring regions are merged, the most alike first (`pscover.perception.merging`);
+5.  what lies near a boundary is flooded again from both sides, so that the boundary settles on the edge.
 
 What it cannot do: tell apart garments of one colour that touch (two light-blue shirts are one segment), keep a garment with
 large prints or wide stripes whole (they become segments), join the parts of a garment that another one divides, or see
@@ -32,6 +34,10 @@ from pscover.perception.stopwatch import Stopwatch
 
 BoolImage = NDArray[np.bool_]
 LabelImage = NDArray[np.int32]
+BAND = 4
+"""How far boundaries may move to the nearest edge, in pixels."""
+STEP_SIGMA = 2.0
+"""Scale in pixels at which steps between regions are measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,12 +48,14 @@ class Classical:
     ----------
     limit
         How different two regions may be and still be merged, in units of the features (about a Lab distance at L = 50).
+    small
+        Regions of fewer pixels are merged more readily.
     spacing
         Distance of the markers in pixels: the size of the regions that are merged.
     compactness
         How much the regions prefer round shapes to edges.
     lightness
-        Weight of L among the features.
+        Weight of the logarithm of luminance among the features.
 
     Raises
     ------
@@ -56,9 +64,10 @@ class Classical:
     """
 
     limit: float = 12.0
+    small: float = 2000.0
     spacing: int = 14
     compactness: float = 0.02
-    lightness: float = 0.3
+    lightness: float = 10.0
 
     name: ClassVar[str] = "classical"
     requires: ClassVar[tuple[str, ...]] = ("cv2", "skimage")
@@ -67,7 +76,8 @@ class Classical:
     def __post_init__(self) -> None:
         if not 2 <= self.spacing <= 1000:
             raise InvalidSettings(f"spacing: expected a whole number of pixels from 2 to 1000, got {self.spacing!r}")
-        for name, value in (("limit", self.limit), ("compactness", self.compactness), ("lightness", self.lightness)):
+        for name in ("limit", "small", "compactness", "lightness"):
+            value = getattr(self, name)
             if not 0 <= value <= 1e6:
                 raise InvalidSettings(f"{name}: expected a number from 0 to a million, got {value!r}")
 
@@ -98,8 +108,11 @@ class Classical:
         with watch.stage("regions"):
             regions = self._regions(features, cloth)
         with watch.stage("merging"):
-            merged = merge(regions, features, gradient(features, 2.0) * np.float32(2.0 * np.sqrt(2 * np.pi)), self.limit)
-            masks = _masks(pieces(merged))
+            # A blurred step of height h has the slope h / (sigma sqrt(2 pi)) in its middle.
+            step = gradient(features, STEP_SIGMA) * np.float32(STEP_SIGMA * np.sqrt(2 * np.pi))
+            merged = merge(regions, features, step, self.limit, self.small)
+        with watch.stage("boundaries"):
+            masks = _masks(pieces(settled(merged, features)))
         return Segmentation(masks=masks, stages=watch.stages)
 
     def _regions(self, features: FloatImage, cloth: BoolImage) -> LabelImage:
@@ -129,12 +142,13 @@ def evened(photo: Photo) -> Photo:
     return np.asarray(cv2.bilateralFilter(once, 9, 30, 7), dtype=np.uint8)
 
 
-def shade_tolerant(photo: Photo, lightness: float = 0.3) -> FloatImage:
-    """Features that change little under shading: weighted L, and a and b over lightness, shape (H, W, 3)."""
+def shade_tolerant(photo: Photo, lightness: float = 10.0) -> FloatImage:
+    """Features that change little under shading: weighted log of luminance, and a and b over lightness, shape (H, W, 3)."""
     features = lab(photo)
-    over = np.float32(75) / (features[:, :, :1] + np.float32(25))
-    features[:, :, 1:] *= over
-    features[:, :, 0] *= np.float32(lightness)
+    height = features[:, :, 0].copy()
+    features *= np.float32(75) / (features[:, :, :1] + np.float32(25))
+    luminance = np.where(height > 8, ((height + 16) / 116) ** 3, height / np.float32(903.3)) * 100
+    features[:, :, 0] = np.float32(lightness) * np.log(luminance + np.float32(2))
     return features
 
 
@@ -148,6 +162,22 @@ def gradient(features: FloatImage, sigma: float) -> FloatImage:
         slope = cv2.Sobel(blurred, cv2.CV_32F, dx, dy, ksize=1, scale=0.5)
         square += np.einsum("ijk,ijk->ij", slope, slope)
     return np.sqrt(square)
+
+
+def settled(labels: LabelImage, features: FloatImage) -> LabelImage:
+    """Labels whose boundaries have moved by up to `BAND` pixels to the nearest edge; none disappears, 0 stays 0."""
+    from skimage.segmentation import watershed
+
+    cv2 = opencv("segmenter 'classical'")
+    kernel = np.ones((2 * BAND + 1, 2 * BAND + 1), dtype=np.uint8)
+    image = labels.astype(np.float32)
+    # Surface must not count as another label: garments are settled against each other only.
+    lowest = -cv2.dilate(np.where(labels > 0, -image, -np.inf).astype(np.float32), kernel)
+    near = cv2.dilate(image, kernel) != lowest
+    markers = np.where(near, 0, labels)
+    gone = np.setdiff1d(labels, markers)
+    markers = np.where(np.isin(labels, gone), labels, markers)
+    return np.asarray(watershed(gradient(features, 1.0), markers, mask=labels > 0), dtype=np.int32)
 
 
 def _masks(labels: LabelImage) -> tuple[Mask, ...]:

@@ -22,7 +22,6 @@ from pscover.perception.models import DECODER, ENCODER, locate
 from pscover.perception.onnx_sam import OnnxSam
 from pscover.perception.segmenter import Segmentation
 
-
 STANDARD = Guide()
 
 
@@ -90,9 +89,7 @@ class MobileSam:
         return segment_guided(model, photo, cloth, self._guide())
 
     def _guide(self) -> Guide:
-        return Guide(
-            prompts=self.prompts, covered=self.covered, min_iou=self.min_iou, min_stability=self.min_stability
-        )
+        return Guide(prompts=self.prompts, covered=self.covered, min_iou=self.min_iou, min_stability=self.min_stability)
 
 
 segmenter = MobileSam

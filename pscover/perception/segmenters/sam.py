@@ -29,7 +29,6 @@ from pscover.perception.stopwatch import Stopwatch
 from pscover.perception.torch_sam import TorchSam, torch_threads
 from pscover.perception.torchvision_stand_in import segment_anything
 
-
 STANDARD = Guide()
 
 
