@@ -168,7 +168,8 @@ def damaged(content: bytes, rng: random.Random) -> bytes:
         before, _, rest = content.partition(b'"mask": "')
         picture, _, after = rest.partition(b'"')
         return before + b'"mask": "' + base64.b64encode(damaged(base64.b64decode(picture), rng)) + b'"' + after
-    return mutate(content, rng)
+    mutated: bytes = mutate(content, rng)
+    return mutated
 
 
 def _repaired(content: bytes, rng: random.Random) -> bytes:

@@ -41,6 +41,8 @@ class Cliques:
             If a group has fewer than two members, repeats one, or holds something that is no index.
         """
         listed = []
+        if not isinstance(groups, Iterable):
+            raise InvalidInstance(f"conflicts: expected a list of lists of candidate indices, got {groups!r}")
         for k, group in enumerate(groups):
             try:
                 clique = np.asarray(group if isinstance(group, np.ndarray) else list(group))

@@ -116,7 +116,7 @@ def unreachable(instance: Instance, seconds: float = math.inf) -> tuple[Unreacha
         quick = _greedy(p, cliques)
         if required - quick <= TOLERANCE:
             continue
-        reach, ceiling = _most(p, cliques)
+        reach, ceiling = _most(p, cliques, clock)
         if required - ceiling <= TOLERANCE:
             continue
         shared, counts = np.unique(np.concatenate([*cliques, np.zeros(0, dtype=np.int32)]), return_counts=True)
@@ -157,11 +157,11 @@ def _greedy(p: NDArray[np.float64], cliques: list[NDArray[np.int32]]) -> float:
     return 1.0 - missed
 
 
-def _most(p: NDArray[np.float64], cliques: list[NDArray[np.int32]]) -> tuple[float, float]:
+def _most(p: NDArray[np.float64], cliques: list[NDArray[np.int32]], clock: Clock) -> tuple[float, float]:
     """Highest coverage of a conflict-free set, and a proven ceiling. Candidates are sorted by falling probability.
 
     Depth first over the candidates in order; the bound of a node lets every clique of a partition of the rest add its
-    best candidate only. Exact unless `NODE_LIMIT` nodes are visited.
+    best candidate only. Exact unless `NODE_LIMIT` nodes are visited or the time is over.
     """
     n = len(p)
     groups = [set(member_of.tolist()) for member_of in cliques]
@@ -174,7 +174,7 @@ def _most(p: NDArray[np.float64], cliques: list[NDArray[np.int32]]) -> tuple[flo
         at, missed, used = stack.pop()
         best = max(best, 1.0 - missed)
         nodes += 1
-        if nodes > NODE_LIMIT:
+        if nodes > NODE_LIMIT or clock.is_over:
             return best, 1.0 - root
         while at < n and not used.isdisjoint(groups[at]):
             at += 1

@@ -140,6 +140,8 @@ class Instance:
         cliques = conflicts if isinstance(conflicts, Cliques) else Cliques.of(conflicts)
         cliques.check(candidates)
         meta = Meta() if meta is None else meta
+        if not isinstance(meta, Meta):
+            raise InvalidInstance(f"meta: expected a Meta, got {type(meta).__name__}")
         for kind, names, size in (("element", meta.elements, elements), ("candidate", meta.candidates, candidates)):
             if names and len(names) != size:
                 raise InvalidInstance(f"{kind} names: expected {size}, one each, got {len(names)}")
@@ -252,9 +254,12 @@ def _canonical(probability: Any) -> csc_array:
         triplets = probability.tocoo()
         rows, columns, values, shape = triplets.row, triplets.col, triplets.data, triplets.shape
     else:
+        if isinstance(probability, np.ma.MaskedArray) or getattr(getattr(probability, "dtype", None), "kind", "") == "c":
+            # Converted, they would lose their mask and their imaginary part.
+            raise InvalidInstance(f"probability: expected plain real numbers, got {type(probability).__name__}")
         try:
             dense = np.asarray(probability, dtype=np.float64)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise InvalidInstance(f"probability: expected numbers of shape (elements, candidates), got {error}") from None
         if dense.ndim != 2:
             raise InvalidInstance(f"probability: expected shape (elements, candidates), got {dense.shape}")
@@ -290,7 +295,7 @@ def _check_probability(matrix: csc_array) -> None:
 def _vector(name: str, given: ArrayLike, size: int) -> FloatArray:
     try:
         array = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidInstance(f"{name}: expected numbers, got {error}") from None
     if array.ndim == 0:
         return np.full(size, array)

@@ -42,18 +42,21 @@ class Worker:
 
     def __init__(self, engine: Backend) -> None:
         self.engine = engine
-        self.path = list(sys.path)
+        self.path = _import_path()
         environment = dict(os.environ, OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", BOOT, json.dumps(self.path)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            bufsize=0,
-            start_new_session=True,
-            env=environment,
-        )
-        self.owner = os.getpid()
+        try:
+            self.process = subprocess.Popen(
+                # -P: a json.py in the current folder must not be taken for Python's.
+                [sys.executable, "-P", "-c", BOOT, json.dumps(self.path)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                bufsize=0,
+                start_new_session=True,
+                env=environment,
+            )
+        except OSError as error:
+            raise EngineFailed(f"no process could be started for backend {engine.name!r}: {error}") from None
         self.is_ready = False
         self.inbox: queue.SimpleQueue[Reply | None] = queue.SimpleQueue()
         self.outbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
@@ -92,10 +95,22 @@ class Worker:
         self.process.kill()
         self.process.wait()
         self.outbox.put(None)
-        for thread in self._threads:
+        for thread, pipe in zip(self._threads, self._pipes, strict=True):
             thread.join(timeout=1.0)
+            # Closed under a thread that still pickles a large model, the number could soon be that of another file.
+            if not thread.is_alive():
+                pipe.close()
+
+    def disown(self) -> None:
+        """Let go of a process that is another's child, after a fork."""
+        self.process.returncode = 0
         for pipe in self._pipes:
             pipe.close()
+
+
+def _import_path() -> list[str]:
+    """Where modules are looked for; what is no text Python itself passes over."""
+    return [place for place in sys.path if isinstance(place, str)]
 
 
 _idle: list[Worker] = []
@@ -104,17 +119,16 @@ _lock = threading.Lock()
 
 def _hire(engine: Backend) -> Worker:
     """An idle worker of this engine, or a new one: some engines cannot be loaded into one process."""
+    path = _import_path()
     with _lock:
-        for worker in list(_idle):
-            if worker.owner != os.getpid():
-                _idle.remove(worker)
-            elif worker.process.poll() is not None or worker.path != sys.path:
-                _idle.remove(worker)
-                worker.end()
-            elif worker.engine.name == engine.name:
-                _idle.remove(worker)
-                return worker
-    return Worker(engine)
+        stale = [worker for worker in _idle if worker.process.poll() is not None or worker.path != path]
+        _idle[:] = [worker for worker in _idle if worker not in stale]
+        fit = next((worker for worker in _idle if worker.engine.name == engine.name), None)
+        if fit is not None:
+            _idle.remove(fit)
+    for worker in stale:
+        worker.end()
+    return fit or Worker(engine)
 
 
 def _release(worker: Worker) -> None:
@@ -129,9 +143,22 @@ def _release(worker: Worker) -> None:
 def shut_down() -> None:
     """End all idle workers; runs by itself when the interpreter exits."""
     with _lock:
-        workers, _idle[:] = [w for w in _idle if w.owner == os.getpid()], []
+        workers, _idle[:] = list(_idle), []
     for worker in workers:
         worker.end()
+
+
+def _forget() -> None:
+    """After a fork, in the child: the idle workers are the parent's, and no thread is left to release the lock."""
+    global _lock
+    _lock = threading.Lock()
+    workers, _idle[:] = list(_idle), []
+    for worker in workers:
+        worker.disown()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)
 
 
 def warm_up(backend: str | Backend = "highs") -> None:
@@ -166,13 +193,13 @@ def run(backend: Backend, model: Model, settings: Settings, observe: Callable[[P
     worker = _hire(backend)
     number = next(_numbers)
     deadline = time.monotonic() + min(max(0.9 * clock.left, clock.left - 0.1), 1e9)
-    worker.outbox.put(Job(number, backend, model, settings, deadline))
     last = Progress(seconds=0.0, objective=float("inf"), bound=float("-inf"))
     best: IntArray | None = None
     ended_by = Stop.FINISHED
     patience = clock.left + 0.02
     end = time.monotonic() + min(patience, 1e9)
     try:
+        worker.outbox.put(Job(number, backend, model, settings, deadline))
         while True:
             try:
                 reply = worker.inbox.get(timeout=max(0.0, end - time.monotonic()))
@@ -192,7 +219,8 @@ def run(backend: Backend, model: Model, settings: Settings, observe: Callable[[P
                 return _after_failure(worker, content, best, last, backend)
             last = content
             best = content.chosen if content.chosen is not None else best
-            if observe(content) and ended_by is Stop.FINISHED:
+            # After the end only what has arrived is taken note of: a slow observer must not hold up the plan.
+            if ended_by is Stop.FINISHED and time.monotonic() < end and observe(content):
                 ended_by = Stop.OBSERVER
                 worker.outbox.put(Halt(number))
                 end = min(end, time.monotonic() + HALT_PATIENCE)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
 import msgspec
+import numpy as np
 from msgspec import Struct
 
 from pscover.files import write_bytes
+from pscover.instance import Instance
 from pscover.planning import Grasp, Plan
 
 
@@ -22,7 +25,7 @@ class RemovalV1(Struct):
 
 
 class GraspV1(Struct):
-    """A grasp: point in pixels and in centimetres from the image's top left pixel, angle in radians."""
+    """A grasp: point in pixels of the photo and in centimetres from its top left pixel, angle in radians."""
 
     x: float
     y: float
@@ -43,9 +46,14 @@ class GarmentV1(Struct):
 
 
 class PlanV1(Struct, tag_field="schema", tag="pscover.plan/1"):
-    """Grasps in order of execution, and what is known of them; a bound or objective that is not known is null."""
+    """Grasps in order of execution, and what is known of them; a bound or objective that is not known is null.
+
+    Everything is in pixels of the photo, or of the labels where there was no photo. `origin` says what was looked at, and
+    how; `seconds` has wall seconds of every stage.
+    """
 
     source: str
+    origin: str
     instance: str
     width: int
     height: int
@@ -66,15 +74,17 @@ class PlanV1(Struct, tag_field="schema", tag="pscover.plan/1"):
 
 def document(plan: Plan) -> PlanV1:
     """The plan in the form in which it is written."""
-    scene, result = plan.scene, plan.result
+    seen, scene, result = plan.seen, plan.scene, plan.result
+    height, width = seen.grid.photo_shape
     garments = zip(scene.names, scene.values, plan.instance.required, plan.coverage, strict=True)
     return PlanV1(
         source=scene.source,
+        origin=seen.origin,
         instance=plan.instance.digest,
-        width=scene.shape[1],
-        height=scene.shape[0],
-        pixels_per_cm=scene.pixels_per_cm,
-        basket=scene.basket,
+        width=width,
+        height=height,
+        pixels_per_cm=seen.pixels_per_cm,
+        basket=seen.basket,
         status=str((plan.strict or result).status),
         stop=str(result.stop),
         formulation=result.formulation,
@@ -82,11 +92,25 @@ def document(plan: Plan) -> PlanV1:
         seed=result.settings.seed,
         bound=plan.bound if math.isfinite(plan.bound) else None,
         expected_removed=plan.expected_removed,
-        seconds={"candidates": plan.seconds.candidates, "solve": plan.seconds.solve},
+        seconds={
+            **{stage.name: stage.seconds for stage in seen.stages},
+            "candidates": plan.seconds.candidates,
+            "solve": plan.seconds.solve,
+        },
         grasps=[_grasp(plan, grasp) for grasp in plan.grasps],
         garments=[GarmentV1(name, int(label), float(q), float(p)) for name, label, q, p in garments],
         unmet=[scene.names[j] for j in plan.unmet],
     )
+
+
+def instance_of_photo(plan: Plan) -> Instance:
+    """The plan's instance with its poses in pixels of the photo; the problem and its digest are the same."""
+    poses = plan.instance.meta.poses
+    if poses is None or plan.seen.grid.shape == plan.seen.grid.photo_shape:
+        return plan.instance
+    moved = np.array([(*plan.seen.grid.to_photo(x, y), theta) for x, y, theta in poses.tolist()]).reshape(-1, 3)
+    moved.setflags(write=False)
+    return replace(plan.instance, meta=replace(plan.instance.meta, poses=moved))
 
 
 def encode_plan(plan: Plan) -> bytes:
@@ -115,7 +139,7 @@ def save_plan(plan: Plan, path: str | PathLike[str]) -> None:
 
 
 def _grasp(plan: Plan, grasp: Grasp) -> GraspV1:
-    scale = plan.scene.pixels_per_cm
+    scale = plan.seen.pixels_per_cm
     return GraspV1(
         x=grasp.x,
         y=grasp.y,

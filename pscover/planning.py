@@ -7,7 +7,7 @@ import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,14 +17,21 @@ from pscover.backend import Backend
 from pscover.errors import Refused
 from pscover.formulation import Formulation
 from pscover.goal import Cover
-from pscover.grasping.candidates import ELLIPSE, SAMPLING, candidates
+from pscover.grasping.candidates import candidates
 from pscover.grasping.conflicts import Conflicts
+from pscover.grasping.ellipse import Ellipse
 from pscover.grasping.predictor import Predictor
 from pscover.grasping.sampling import Sampling
 from pscover.instance import TOLERANCE, Instance
+from pscover.perception.grid import PAPER_PIXELS_PER_CM, Grid
+from pscover.perception.segmenter import Segmenter
 from pscover.result import Observer, Result, Settings, Stop, ignore
 from pscover.scene import Scene
+from pscover.seen import Seen
 from pscover.solve import solve
+
+if TYPE_CHECKING:
+    from pscover.perception.perceive import Perception
 
 FloatArray = NDArray[np.float64]
 SHORTEST = 1e-3
@@ -59,11 +66,11 @@ class Grasp:
     candidate
         Its index in the instance.
     x, y
-        Where, in pixels.
+        Where, in pixels of the photo, or of the labels where there was no photo.
     theta
         Orientation of the jaw's length in radians, from the x axis towards the y axis.
     distance
-        To the basket, in pixels.
+        To the basket, in the same pixels.
     removes
         What it will probably remove, the most probable first.
     """
@@ -78,7 +85,7 @@ class Grasp:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stages:
-    """Wall seconds from scene to candidates, and from candidates to the checked plan."""
+    """Wall seconds from scene to candidates, and from candidates to the checked plan; `Seen.stages` has those before."""
 
     candidates: float
     solve: float
@@ -90,14 +97,14 @@ class Plan:
 
     Parameters
     ----------
-    scene
-        What the plan clears.
+    seen
+        What the plan clears, and where that was seen.
     instance
-        All candidates that were drawn.
+        All candidates that were drawn; their poses are in pixels of the scene.
     sampling
         How they were drawn.
     axes
-        The gripper's footprint: length along theta and width across it, in pixels.
+        The gripper's footprint: length along theta and width across it, in pixels of the scene.
     result
         Of the solve that gave the plan, with status and bound.
     strict
@@ -114,7 +121,7 @@ class Plan:
         Where the time went.
     """
 
-    scene: Scene
+    seen: Seen
     instance: Instance
     sampling: Sampling
     axes: tuple[float, float]
@@ -124,6 +131,11 @@ class Plan:
     coverage: FloatArray
     bound: float
     seconds: Stages
+
+    @property
+    def scene(self) -> Scene:
+        """One label a pixel; for a photo, on the grid on which it was looked at."""
+        return self.seen.scene
 
     @property
     def expected_removed(self) -> float:
@@ -137,10 +149,11 @@ class Plan:
 
 
 def plan(
-    scene: Scene | str | PathLike[str] | ArrayLike,
+    scene: Scene | Seen | Perception | str | PathLike[str] | ArrayLike,
     *,
-    sampling: Sampling = SAMPLING,
-    predictor: Predictor = ELLIPSE,
+    segmenter: str | Segmenter = "classical",
+    sampling: Sampling | None = None,
+    predictor: Predictor | None = None,
     conflicts: str | Conflicts | Sequence[str | Conflicts] = "partition",
     required: ArrayLike = 0.7,
     backend: str | Backend = "highs",
@@ -160,13 +173,20 @@ def plan(
     Parameters
     ----------
     scene
-        A scene, the path of a label PNG, or an array of labels.
-    sampling, predictor, conflicts, required
+        A photo (its path, or 8-bit RGB of shape (H, W, 3)), labels (the path of a PNG, or an array of shape (H, W)), the
+        path of annotations, a scene, or what `pscover.perception.perceive.perceive` or `pscover.inputs.Look` made of a
+        photo with a region of interest, a background, a scale.
+    segmenter
+        What finds the garments in a photo that is given here.
+    sampling, predictor
+        See `pscover.grasping.candidates.candidates`; in pixels of the scene. By default the paper's, at the scene's scale.
+    conflicts, required
         See `pscover.grasping.candidates.candidates`.
     backend, formulation
         Engine and model, by name or made by hand.
     time
-        Seconds from the call, candidates included, after which the best plan so far is returned.
+        Seconds from the call, perception and candidates included, after which the best plan so far is returned.
+        Perception itself is not cut short.
     gap, threads, seed
         See `pscover.result.Settings`; the seed also is that of the draw.
     observe
@@ -190,12 +210,24 @@ def plan(
     (1, 'optimal', 1.0, ())
     >>> [(removed.name, removed.probability > 0.6) for removed in found.grasps[0].removes]
     [('garment 1', True), ('garment 2', True)]
+
+    A photo with a red and a blue garment:
+
+    >>> photo = np.full((80, 160, 3), 200, dtype=np.uint8)
+    >>> photo[20:60, 10:60], photo[20:60, 90:140] = (180, 30, 30), (30, 30, 180)
+    >>> len(plan(photo, required=0.6).grasps)
+    2
     """
     settings = Settings(time=time, gap=gap, threads=threads, seed=seed)
     form = registry.formulation(formulation) if isinstance(formulation, str) else formulation
     begin = clock.monotonic()
-    scene = as_scene(scene)
-    instance = candidates(scene, sampling=sampling, predictor=predictor, conflicts=conflicts, required=required, seed=seed)
+    seen = as_seen(scene, segmenter)
+    own_sampling, own_predictor = paper_gripper(seen.scene.pixels_per_cm)
+    sampling, predictor = sampling or own_sampling, predictor or own_predictor
+    looked = clock.monotonic()
+    instance = candidates(
+        seen.scene, sampling=sampling, predictor=predictor, conflicts=conflicts, required=required, seed=seed
+    )
     drawn = clock.monotonic()
 
     start = best_effort(instance)
@@ -214,16 +246,16 @@ def plan(
             result = solved("elastic", "highs", most)
     bounding = strict or result
     return Plan(
-        scene=scene,
+        seen=seen,
         instance=instance,
         sampling=sampling,
         axes=predictor.axes,
         result=result,
         strict=strict,
-        grasps=ordered(scene, instance, () if result.chosen is None else result.chosen.tolist()),
+        grasps=ordered(seen, instance, () if result.chosen is None else result.chosen.tolist()),
         coverage=np.zeros(instance.elements) if result.coverage is None else result.coverage,
         bound=bounding.bound if isinstance(form.goal, Cover) else -math.inf,
-        seconds=Stages(candidates=drawn - begin, solve=clock.monotonic() - drawn),
+        seconds=Stages(candidates=drawn - looked, solve=clock.monotonic() - drawn),
     )
 
 
@@ -258,28 +290,62 @@ def best_effort(instance: Instance) -> tuple[int, ...]:
     return tuple(sorted(chosen))
 
 
-def as_scene(given: Scene | str | PathLike[str] | ArrayLike) -> Scene:
-    """The scene itself, or that of a label PNG or of a label array.
+def paper_gripper(pixels_per_cm: float, *, points: int = 5, orientations: int = 6) -> tuple[Sampling, Ellipse]:
+    """The paper's gripper, of 4.25 cm radius, at another scale than the paper's 4.7 pixels a centimetre.
+
+    Examples
+    --------
+    >>> sampling, ellipse = paper_gripper(9.4)
+    >>> sampling.reach, ellipse.axes, ellipse.half
+    (40.0, (80.0, 24.0), 400.0)
+    """
+    scale = pixels_per_cm / PAPER_PIXELS_PER_CM
+    sampling = Sampling(points=points, orientations=orientations, reach=20.0 * scale)
+    return sampling, Ellipse(major=40.0 * scale, minor=12.0 * scale, half=100.0 * scale**2)
+
+
+def as_seen(
+    given: Scene | Seen | Perception | str | PathLike[str] | ArrayLike, segmenter: str | Segmenter = "classical"
+) -> Seen:
+    """What any input shows: see `plan`.
 
     Raises
     ------
     InvalidImage
         If there is no scene in it.
+    MissingDependency
+        If it is a photo and the segmenter's packages are not installed.
     """
-    if isinstance(given, Scene):
+    if isinstance(given, Seen):
         return given
+    if isinstance(given, Scene):
+        return Seen.whole(given)
+    # Reading photos and annotations takes imports that a plan from labels can do without.
+    from pscover.inputs import Look, found
+    from pscover.perception.perceive import Perception
+
+    if isinstance(given, Perception):
+        return found(given, f"segmented by {given.provenance.segmenter}")
     if isinstance(given, str | PathLike):
-        return Scene.read(given)
-    return Scene.of(given)
+        return Look(segmenter=segmenter).read(given)
+    return Look(segmenter=segmenter).photo(given) if _is_colour(given) else Seen.whole(Scene.of(given))
 
 
-def ordered(scene: Scene, instance: Instance, chosen: Sequence[int]) -> tuple[Grasp, ...]:
+def _is_colour(given: ArrayLike) -> bool:
+    try:
+        return np.ndim(given) == 3
+    except ValueError:
+        # Ragged lists: `Scene.of` says what is wrong with them.
+        return False
+
+
+def ordered(seen: Seen, instance: Instance, chosen: Sequence[int]) -> tuple[Grasp, ...]:
     """The chosen candidates as grasps, by increasing distance to the basket; equally far ones by their index."""
-    grasps = [_grasp(scene, instance, i) for i in sorted(chosen)]
+    grasps = [_grasp(seen.grid, seen.basket, instance, i) for i in sorted(chosen)]
     return tuple(sorted(grasps, key=lambda grasp: grasp.distance))
 
 
-def _grasp(scene: Scene, instance: Instance, candidate: int) -> Grasp:
+def _grasp(grid: Grid, basket: tuple[float, float], instance: Instance, candidate: int) -> Grasp:
     p: Any = instance.probability
     span = slice(p.indptr[candidate], p.indptr[candidate + 1])
     removes = [
@@ -288,12 +354,13 @@ def _grasp(scene: Scene, instance: Instance, candidate: int) -> Grasp:
     ]
     poses = instance.meta.poses
     assert poses is not None
-    x, y, theta = (float(value) for value in poses[candidate])
+    column, row, theta = (float(value) for value in poses[candidate])
+    x, y = grid.to_photo(column, row)
     return Grasp(
         candidate=candidate,
         x=x,
         y=y,
         theta=theta,
-        distance=math.hypot(x - scene.basket[0], y - scene.basket[1]),
+        distance=math.hypot(x - basket[0], y - basket[1]),
         removes=tuple(sorted(removes, key=lambda removal: -removal.probability)),
     )

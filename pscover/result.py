@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from numbers import Integral, Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +44,10 @@ class Stop(StrEnum):
     INTERRUPT = "interrupted"
 
 
+THREAD_LIMIT = 256
+"""Most threads that can be asked for: engines start as many as they are told, whatever the machine has."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """How to solve; the same meaning for every backend.
@@ -53,11 +59,13 @@ class Settings:
     gap
         Relative gap (objective - bound) / |objective| at which to stop; 0 asks for a proof of optimality.
     threads
-        How many threads an engine may use, where it can use several.
+        How many threads an engine may use, where it can use several; at most 256.
     seed
         Seed of everything random.
     margin
-        Added to every positive requirement (kept below 1), so that a plan is strictly feasible despite tolerances.
+        Added to every positive requirement (kept below 1), so that a plan is strictly feasible despite tolerances. What is
+        proven of the raised requirements is not of the real ones: with a margin there is no bound, and the status is
+        "feasible" or "unknown".
     start
         Candidate indices of a plan to start from, or None. Returned if nothing better is found.
     """
@@ -70,16 +78,42 @@ class Settings:
     start: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
+        for name in ("time", "gap", "margin"):
+            object.__setattr__(self, name, _number(name, getattr(self, name)))
+        for name in ("threads", "seed"):
+            object.__setattr__(self, name, _whole(name, getattr(self, name)))
+        if self.start is not None:
+            object.__setattr__(self, "start", _indices("start", self.start))
         checks = (
             ("time", self.time > 0, "a positive number of seconds", self.time),
             ("gap", 0 <= self.gap < math.inf, "a number of at least 0", self.gap),
-            ("threads", self.threads >= 1, "a whole number of at least 1", self.threads),
+            ("threads", 1 <= self.threads <= THREAD_LIMIT, f"a whole number from 1 to {THREAD_LIMIT}", self.threads),
             ("seed", 0 <= self.seed < 2**31, "a whole number from 0 to 2^31 - 1", self.seed),
             ("margin", 0 <= self.margin < 1, "a number in [0, 1)", self.margin),
         )
         for name, good, expected, got in checks:
             if not good:
                 raise InvalidSettings(f"{name}: expected {expected}, got {got!r}")
+
+
+def _number(name: str, given: Any) -> float:
+    if not isinstance(given, Real):
+        raise InvalidSettings(f"{name}: expected a number, got {given!r}")
+    return float(given)
+
+
+def _whole(name: str, given: Any) -> int:
+    if not isinstance(given, Integral):
+        raise InvalidSettings(f"{name}: expected a whole number, got {given!r}")
+    return int(given)
+
+
+def _indices(name: str, given: Any) -> tuple[int, ...]:
+    try:
+        listed = list(given)
+    except TypeError:
+        raise InvalidSettings(f"{name}: expected candidate indices, got {given!r}") from None
+    return tuple(_whole(f"{name}[{k}]", i) for k, i in enumerate(listed))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

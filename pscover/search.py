@@ -20,6 +20,9 @@ from pscover.instance import Instance, IntArray
 from pscover.model import Model
 from pscover.result import VALUE_TOLERANCE, Answer, Observer, Progress, Settings, Status, Stop
 
+CHEAP = 2.0**-10
+"""Costs that are all below this are multiplied by a power of two for the engine, whose tolerances would swallow them."""
+
 CUT_ROUNDS = 50
 """How often a plan that an engine's tolerances let through is cut off before its shortfall is reported instead."""
 
@@ -36,12 +39,15 @@ class Search:
         Started when the solve was called.
     observe
         The caller's observer.
+    margin
+        By how much the requirements of the models are above those of the instance.
     """
 
     instance: Instance
     formulation: Formulation
     clock: Clock
     observe: Observer
+    margin: float = 0.0
 
     def __post_init__(self) -> None:
         self.plan: IntArray | None = None
@@ -58,6 +64,15 @@ class Search:
     def has_feasible_plan(self) -> bool:
         """Whether the best plan meets every requirement of the goal."""
         return self.evidence is not None and self.evidence.is_feasible
+
+    @property
+    def proves(self) -> bool:
+        """Whether what is proven of the model holds for the goal: its plans are not just some of the goal's."""
+        return self.formulation.relation is not Relation.RESTRICTION and self.margin == 0
+
+    def refutes(self, bound: float) -> bool:
+        """Whether the best plan is better than a claimed bound allows, by more than rounding."""
+        return bound > self.objective + VALUE_TOLERANCE * max(1.0, abs(self.objective))
 
     def weigh(self, chosen: IntArray) -> Evidence:
         """What a plan is worth, in floating point."""
@@ -80,9 +95,8 @@ class Search:
         def seen(progress: Progress) -> bool:
             taken = progress.chosen is not None and self.offer(progress.chosen)
             last = self.trace[-1].bound if self.trace else -math.inf
-            known = max(progress.bound if stage == 0 and not math.isnan(progress.bound) else bound, last)
-            if self.formulation.relation is Relation.RESTRICTION:
-                known = -math.inf
+            claimed = progress.bound if stage == 0 and not math.isnan(progress.bound) else bound
+            known = max(claimed, last) if self.proves and not self.refutes(claimed) else last
             mine = Progress(
                 seconds=self.clock.elapsed, objective=self.objective, bound=known, chosen=self.plan if taken else None
             )
@@ -119,7 +133,7 @@ class Search:
         reason = engine.refuses(model)
         if reason is not None:
             raise Refused(f"backend {engine.name!r} refuses formulation {self.formulation.name!r}: {reason}")
-        problem = self.instance.with_margin(settings.margin)
+        problem = self.instance.with_margin(self.margin)
         for _ in range(CUT_ROUNDS):
             answer = self._engine(engine, model, replace(settings, time=max(self.clock.left, 1e-3)), stage, bound)
             if answer.chosen is None or self.formulation.relation is Relation.RESTRICTION:
@@ -137,15 +151,28 @@ class Search:
 
     def _engine(self, engine: Backend, model: Model, settings: Settings, stage: int, bound: float) -> Answer:
         seen = self.note(bound, stage)
+        unit = _unit(model)
+
+        def heard(progress: Progress) -> bool:
+            return seen(replace(progress, bound=progress.bound / unit))
+
+        priced = model if unit == 1 else replace(model, c=model.c * unit, offset=model.offset * unit)
         if engine.isolated:
-            answer = isolate.run(engine, model, settings, seen, self.clock)
+            answer = isolate.run(engine, priced, settings, heard, self.clock)
         else:
             try:
-                answer = engine.solve(model, settings, seen)
+                answer = engine.solve(priced, settings, heard)
             except KeyboardInterrupt:
                 answer = Answer(status=Status.UNKNOWN, chosen=None, bound=-math.inf, stop=Stop.INTERRUPT)
+        answer = replace(answer, bound=answer.bound / unit)
         seen(Progress(seconds=0.0, objective=math.inf, bound=answer.bound, chosen=answer.chosen))
         return answer
+
+
+def _unit(model: Model) -> float:
+    """What to multiply the objective with so that its largest coefficient is near 1, if all are tiny; else 1."""
+    dearest = float(np.max(np.abs(model.c), initial=0.0))
+    return 2.0 ** min(1000, -math.frexp(dearest)[1]) if 0 < dearest < CHEAP else 1.0
 
 
 def _cut(model: Model, groups: list[Any]) -> Model:
@@ -160,8 +187,9 @@ def _is_better(new: Evidence, old: Evidence) -> bool:
         return new.is_feasible
     if not new.is_feasible:
         return sum(new.shortfall) < sum(old.shortfall)
-    for a, b in zip(new.value, old.value, strict=True):
+    *prior, (last, best) = zip(new.value, old.value, strict=True)
+    for a, b in prior:
         slack = VALUE_TOLERANCE * max(1.0, abs(float(a)), abs(float(b)))
         if abs(float(a) - float(b)) > slack:
             return a < b
-    return False
+    return last < best

@@ -14,8 +14,8 @@ import numpy as np
 from pscover import isolate, registry
 from pscover.backend import Backend
 from pscover.clock import Clock
-from pscover.errors import InvalidSettings, UnknownName
-from pscover.formulation import Formulation, Relation
+from pscover.errors import InvalidInstance, InvalidSettings, UnknownName
+from pscover.formulation import Formulation
 from pscover.goal import Cover
 from pscover.infeasibility import Diagnosis, unmet, unreachable
 from pscover.instance import Instance
@@ -58,6 +58,8 @@ def solve(
 
     Raises
     ------
+    InvalidInstance
+        If the instance is none.
     UnknownName, InvalidSettings
         For names and settings that do not exist or are outside their domain.
     MissingDependency
@@ -74,6 +76,7 @@ def solve(
     >>> result.chosen.tolist(), result.objective
     ([2], 1.0)
     """
+    _check_kinds(instance, backend, formulation, settings, observe)
     settings = _settings(settings or Settings(), overrides)
     clock = Clock(settings.time)
     engine = registry.backend(backend) if isinstance(backend, str) else backend
@@ -84,7 +87,7 @@ def solve(
     model = form.build(instance.with_margin(settings.margin))
     digest = instance.digest
     built = clock.elapsed
-    search = Search(instance, form, clock, observe)
+    search = Search(instance, form, clock, observe, settings.margin)
     if settings.start is not None:
         search.offer(np.unique(np.asarray(settings.start, dtype=np.int32)))
     answer = search.run(engine, model, settings)
@@ -93,11 +96,11 @@ def solve(
     finished = clock.elapsed
     plan, evidence = search.plan, search.evidence
     return Result(
-        status=_status(answer, form, search, settings),
+        status=_status(answer, form, model, search, settings),
         stop=answer.stop,
         chosen=plan,
         value=() if evidence is None else tuple(float(v) for v in evidence.value),
-        bound=_bound(answer, form, model),
+        bound=_bound(answer, model, search),
         coverage=None if plan is None else instance.coverage(plan),
         shortfall=None if evidence is None else np.array([float(s) for s in evidence.shortfall]),
         backend=engine.name,
@@ -111,6 +114,19 @@ def solve(
         message=answer.message,
         diagnosis=diagnosis,
     )
+
+
+def _check_kinds(instance: Any, backend: Any, formulation: Any, settings: Any, observe: Any) -> None:
+    """Raise for arguments that are nothing of what they stand for, as a class is that was not called."""
+    if not isinstance(instance, Instance):
+        raise InvalidInstance(f"instance: expected an Instance (make one with Instance.of), got {type(instance).__name__}")
+    for name, given, method in (("backend", backend, "solve"), ("formulation", formulation, "build")):
+        if not isinstance(given, str) and (isinstance(given, type) or not hasattr(given, method)):
+            raise InvalidSettings(f"{name}: expected a name or a {name}, got {given!r}")
+    if settings is not None and not isinstance(settings, Settings):
+        raise InvalidSettings(f"settings: expected Settings, got {settings!r}")
+    if not callable(observe):
+        raise InvalidSettings(f"observe: expected a function of a Progress, got {observe!r}")
 
 
 def options_text(formulation: Formulation) -> str:
@@ -137,28 +153,27 @@ def _settings(settings: Settings, overrides: dict[str, Any]) -> Settings:
     for name in overrides:
         if name not in known:
             raise UnknownName.among("setting", name, known)
-    if overrides.get("start") is not None:
-        overrides = dict(overrides, start=tuple(int(i) for i in overrides["start"]))
     return replace(settings, **overrides)
 
 
-def _bound(answer: Answer, formulation: Formulation, model: Model) -> float:
-    if formulation.relation is Relation.RESTRICTION or math.isnan(answer.bound):
+def _bound(answer: Answer, model: Model, search: Search) -> float:
+    if not search.proves or math.isnan(answer.bound) or search.refutes(answer.bound):
         return -math.inf
     if model.is_integral_cost and math.isfinite(answer.bound):
         return float(math.ceil(answer.bound - VALUE_TOLERANCE * max(1.0, abs(answer.bound))))
     return answer.bound
 
 
-def _status(answer: Answer, formulation: Formulation, search: Search, settings: Settings) -> Status:
-    """The claim, weakened by the evidence and by the formulation's relation to its goal."""
-    proves = formulation.relation is not Relation.RESTRICTION
+def _status(answer: Answer, formulation: Formulation, model: Model, search: Search, settings: Settings) -> Status:
+    """The claim, weakened by the evidence and by how the model stands to the formulation's goal."""
     if not search.has_feasible_plan:
-        is_proof = answer.status is Status.INFEASIBLE and proves
+        is_proof = answer.status is Status.INFEASIBLE and search.proves
         return Status.INFEASIBLE if is_proof else Status.UNKNOWN
-    if answer.status is not Status.OPTIMAL or not proves:
+    if answer.status is not Status.OPTIMAL or not search.proves or search.refutes(answer.bound):
         return Status.FEASIBLE
-    slack = VALUE_TOLERANCE * max(1.0, abs(search.objective)) + formulation.tolerance
+    # Where all costs are tiny, so are the differences that count.
+    cheapest = float(np.min(np.abs(model.c[model.c != 0]), initial=1.0))
+    slack = VALUE_TOLERANCE * max(cheapest, abs(search.objective)) + formulation.tolerance
     is_close = search.objective <= answer.bound + slack
     return Status.OPTIMAL if is_close or relative_gap(search.objective, answer.bound) <= settings.gap else Status.FEASIBLE
 

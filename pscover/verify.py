@@ -16,10 +16,9 @@ from fractions import Fraction
 import numpy as np
 
 from pscover import registry
-from pscover.errors import PscoverError
+from pscover.errors import InvalidResult, PscoverError
 from pscover.formulation import Formulation, Relation
-from pscover.goal import Evidence, failures
-from pscover.infeasibility import unreachable
+from pscover.goal import Cover, Evidence, failures
 from pscover.instance import TOLERANCE, Instance
 from pscover.result import VALUE_TOLERANCE, Result, Status
 
@@ -76,14 +75,17 @@ def verify(instance: Instance, result: Result) -> Verification:
     --------
     >>> from pscover.solve import solve
     >>> instance = Instance.of([[0.8, 0.75], [0.0, 0.75]], required=0.7)
-    >>> [str(check.verdict) for check in verify(instance, solve(instance, backend="greedy")).checks]
-    ['passed', 'passed', 'passed', 'passed', 'passed', 'passed', 'passed']
+    >>> for check in verify(instance, solve(instance, backend="greedy")).checks[1:4]:
+    ...     print(check.what, check.verdict, check.detail, sep=": ")
+    plan: passed: 1 distinct candidates
+    conflicts: passed: none broken
+    coverage: passed: 2 elements, lowest 0.75
     """
     checks = [_same_instance(instance, result)]
     if checks[0].verdict is Verdict.FAILED:
         return Verification(tuple(checks))
     if result.chosen is None:
-        return Verification((*checks, *_without_plan(instance, result)))
+        return Verification((*checks, _without_plan(instance, result)))
     indices = _indices(instance, result)
     checks.append(indices)
     if indices.verdict is Verdict.FAILED:
@@ -94,11 +96,14 @@ def verify(instance: Instance, result: Result) -> Verification:
     checks.append(Check("conflicts", _verdict(len(broken) == 0), detail))
     checks.append(_coverage(instance, result, chosen))
     try:
-        formulation = registry.formulation(result.formulation, json.loads(result.options))
+        formulation = _formulation(result)
+        evidence = formulation.goal.evaluate(instance, chosen, Fraction)
+    except InvalidResult as error:
+        checks.append(Check("requirements", Verdict.FAILED, str(error)))
+        return Verification(tuple(checks))
     except PscoverError as error:
         checks.append(Check("requirements", Verdict.UNCHECKED, f"the formulation cannot be rebuilt: {error}"))
         return Verification(tuple(checks))
-    evidence = formulation.goal.evaluate(instance, chosen, Fraction)
     checks.append(_requirements(evidence, result))
     checks.append(_objective(evidence, result))
     checks.append(_status(evidence, formulation, result))
@@ -145,8 +150,21 @@ def _coverage(instance: Instance, result: Result, chosen: list[int]) -> Check:
     return Check("coverage", Verdict.PASSED, f"{len(exact)} elements, {lowest}")
 
 
+def _formulation(result: Result) -> Formulation:
+    try:
+        options = json.loads(result.options)
+    except ValueError:
+        options = None
+    if not isinstance(options, dict):
+        raise InvalidResult(f"options: expected a JSON object, got {result.options!r}")
+    return registry.formulation(result.formulation, options)
+
+
 def _requirements(evidence: Evidence, result: Result) -> Check:
     worst = max(evidence.shortfall, default=0)
+    reported = () if result.shortfall is None else result.shortfall
+    if len(reported) != len(evidence.shortfall) or not all(map(_agree, evidence.shortfall, map(float, reported))):
+        return Check("requirements", Verdict.FAILED, f"other shortfalls are reported, the worst is {float(worst):.3g}")
     if worst == 0:
         return Check("requirements", Verdict.PASSED, "all met exactly")
     count = sum(1 for s in evidence.shortfall if s > TOLERANCE)
@@ -189,31 +207,47 @@ def _status(evidence: Evidence, formulation: Formulation, result: Result) -> Che
     return Check("status", Verdict.FAILED, f"optimal is reported with a bound of {result.bound:.10g}")
 
 
-def _without_plan(instance: Instance, result: Result) -> tuple[Check, ...]:
+def _without_plan(instance: Instance, result: Result) -> Check:
     if result.has_plan:
-        return (Check("status", Verdict.FAILED, f"{result.status.value} is reported without a plan"),)
+        return Check("status", Verdict.FAILED, f"{result.status.value} is reported without a plan")
     if result.status is not Status.INFEASIBLE:
-        return (Check("status", Verdict.PASSED, f"{result.status.value}: nothing is claimed"),)
-    for found in unreachable(instance):
-        ceiling = _exact_ceiling(instance, found.element)
-        if ceiling < Fraction(found.required):
-            detail = f"infeasible: element {found.element} reaches at most {float(ceiling):.6g} of {found.required:g}"
-            return (Check("status", Verdict.PASSED, detail),)
-    return (Check("status", Verdict.UNCHECKED, "infeasible by the engine's word: no single element is out of reach"),)
+        return Check("status", Verdict.PASSED, f"{result.status.value}: nothing is claimed")
+    try:
+        goal = _formulation(result).goal
+        if goal.evaluate(instance, (), Fraction).is_feasible:
+            return Check("status", Verdict.FAILED, "infeasible is reported, but the empty plan meets every requirement")
+    except PscoverError as error:
+        return Check("status", Verdict.UNCHECKED, f"infeasible by the engine's word; no formulation to check: {error}")
+    # Other goals do not ask for the coverage of single elements.
+    found = _out_of_reach(instance) if isinstance(goal, Cover) else None
+    if found is not None:
+        element, ceiling = found
+        required = float(instance.required[element])
+        detail = f"infeasible: element {element} reaches at most {float(ceiling):.6g} of {required:g}"
+        return Check("status", Verdict.PASSED, detail)
+    return Check("status", Verdict.UNCHECKED, "infeasible by the engine's word: no single element is out of reach")
 
 
-def _exact_ceiling(instance: Instance, element: int) -> Fraction:
-    """No plan covers the element more often: every clique of a partition of its candidates gives its best one."""
-    row = instance.probability[[element], :].tocoo()
+def _out_of_reach(instance: Instance) -> tuple[int, Fraction] | None:
+    """An element that no plan covers often enough, and the most it can reach, if that is easily proven.
+
+    Every clique of a partition of its candidates gives its best one.
+    """
     clique_of: dict[int, int] = {}
     for k, clique in enumerate(instance.conflicts):
         for i in clique.tolist():
             clique_of.setdefault(i, k)
-    best: dict[int, Fraction] = {}
-    for i, p in zip(row.col.tolist(), row.data.tolist(), strict=True):
-        group = clique_of.get(i, -1 - i)
-        best[group] = max(best.get(group, Fraction(0)), Fraction(p))
-    missed = Fraction(1)
-    for p in best.values():
-        missed *= 1 - p
-    return 1 - missed
+    rows = instance.probability.tocsr()
+    for j in np.flatnonzero(instance.required > 0).tolist():
+        span = slice(rows.indptr[j], rows.indptr[j + 1])
+        best: dict[int, float] = {}
+        for i, p in zip(rows.indices[span].tolist(), rows.data[span].tolist(), strict=True):
+            group = clique_of.get(i, -1 - i)
+            best[group] = max(best.get(group, 0.0), p)
+        # Fractions are slow: floats say where they are worth it.
+        if 1.0 - math.prod(1.0 - p for p in best.values()) > instance.required[j] + VALUE_TOLERANCE:
+            continue
+        ceiling = 1 - math.prod((1 - Fraction(p) for p in best.values()), start=Fraction(1))
+        if ceiling < Fraction(float(instance.required[j])):
+            return j, ceiling
+    return None

@@ -1,7 +1,7 @@
 """The far side of an isolated engine: a process that solves models for its parent until its input ends.
 
-Messages are pickles behind an 8-byte length. The parent sends `Prepare`, `Job` and `Halt`; the worker says `READY` once it
-is up and answers a job with any number of `Progress` and one `Answer` or `Failure`, each as a `Reply` with the job's
+Messages are pickles behind an 8-byte length. The parent sends `Prepare`, `Job` and `Halt`; the worker says `READY` once
+that is done and answers a job with any number of `Progress` and one `Answer` or `Failure`, each as a `Reply` with the job's
 number. Engines may print what they like: their standard output goes nowhere.
 """
 
@@ -27,7 +27,7 @@ from pscover.result import Answer, Progress, Settings, Status, Stop
 
 LENGTH = struct.Struct("<Q")
 READY = -1
-"""The job number of the first reply of a worker, when it is up."""
+"""The job number of what a worker says of itself: first, that it is up and has imported what it was told to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,11 +119,11 @@ def main() -> None:
                 jobs.put(message)
 
     threading.Thread(target=listen, daemon=True).start()
-    send(outlet, Reply(READY, None))
     while True:
         job = jobs.get()
         if isinstance(job, Prepare):
             _prepare(job)
+            send(outlet, Reply(READY, None))
             continue
         send(outlet, Reply(job.number, _serve(job, outlet, halted)))
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import pscover
@@ -84,6 +85,23 @@ def test_the_observer_stops_the_engine_even_if_it_will_not_listen(then: str) -> 
     assert result.timing.total < 10
 
 
+def test_a_slow_observer_holds_nothing_up_after_the_deadline() -> None:
+    heard = 0
+
+    def slow(progress: pscover.Progress) -> bool:
+        nonlocal heard
+        heard += 1
+        time.sleep(0.6)
+        return False
+
+    many = Instance.of([[0.9] * 30])
+    engine = Misbehaving(plans=tuple(tuple(range(k)) for k in range(30, 0, -1)), then="sleep")
+    isolate.warm_up(engine)
+    result = pscover.solve(many, backend=engine, time=1.0, observe=slow)
+    assert (result.stop, result.objective) == (Stop.TIME, 1.0)
+    assert heard <= 4
+
+
 def test_an_observer_that_raises_is_heard() -> None:
     def broken(progress: pscover.Progress) -> bool:
         raise ZeroDivisionError("in the observer")
@@ -115,7 +133,55 @@ def test_a_worker_that_was_overtaken_while_starting_serves_the_next_solve() -> N
     assert _solve(Misbehaving(plans=((2,),)), seconds=0.001).status is Status.UNKNOWN
     result = _solve(Misbehaving(plans=((2,),), bound=1.0, status=Status.OPTIMAL))
     assert result.status is Status.OPTIMAL
-    assert np.array_equal(result.chosen, [2])
+    assert result.chosen is not None
+    assert result.chosen.tolist() == [2]
+
+
+def test_an_engine_that_is_still_imported_at_the_deadline_is_kept_for_the_next_solve(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "slow_to_import.py").write_text("import time\ntime.sleep(3)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(Misbehaving, "requires", ("slow_to_import",))
+    isolate.shut_down()
+    engine = Misbehaving(plans=((2,),), bound=1.0, status=Status.OPTIMAL)
+    isolate.warm_up(engine)
+    (worker,) = isolate._idle
+    assert _solve(engine, seconds=1.5).status is Status.UNKNOWN
+    assert isolate._idle == [worker]
+    assert _solve(engine).status is Status.OPTIMAL
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_a_forked_child_leaves_the_parents_workers_alone() -> None:
+    engine = Misbehaving(plans=((2,),))
+    assert _solve(engine).objective == 1.0
+    idle = list(isolate._idle)
+    child = os.fork()
+    if child == 0:
+        good = not isolate._idle and _solve(engine).objective == 1.0
+        isolate.shut_down()
+        os._exit(0 if good else 1)
+    assert os.waitpid(child, 0)[1] == 0
+    assert isolate._idle == idle
+    assert _solve(engine).objective == 1.0
+
+
+def test_files_in_the_current_folder_are_not_taken_for_python_modules(tmp_path: Path) -> None:
+    (tmp_path / "json.py").write_text("raise SystemExit\n")
+    code = "import sys, pathlib, pscover; sys.path.append(pathlib.Path('.')); print(pscover.solve(pscover.Instance.of([[1.0]])).objective)"
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=60, cwd=tmp_path, check=True
+    )
+    assert done.stdout == "1.0\n"
+
+
+def test_a_machine_without_processes_is_an_error_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    isolate.shut_down()
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    with pytest.raises(EngineFailed, match="no process could be started for backend 'misbehaving'"):
+        _solve(Misbehaving())
 
 
 def test_an_engine_from_a_script_says_what_to_do(tmp_path: Path) -> None:

@@ -82,6 +82,14 @@ def test_a_floor_of_two_colours() -> None:
     assert iou(found.cloth, truth) > 0.9
 
 
+@pytest.mark.parametrize("light", [1.0, 0.6, 0.35])
+def test_a_garment_like_the_surface_is_found_in_any_light(light: float) -> None:
+    photo, truth = picture((slice(60, 140), slice(60, 160), (165, 205, 215)), surface=(190, 188, 182), noise=0.5)
+    found = cloth_map((photo * light).astype(np.uint8))
+    assert iou(found.cloth, truth) > 0.95
+    assert found.threshold <= 14
+
+
 def test_a_shadow_is_surface() -> None:
     photo, _ = picture()
     photo[80:160, 80:200] = (photo[80:160, 80:200] * 0.65).astype(np.uint8)

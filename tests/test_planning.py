@@ -16,8 +16,9 @@ from pscover.generate.garments import garments
 from pscover.grasping.ellipse import Ellipse
 from pscover.grasping.sampling import Sampling
 from pscover.plan_document import encode_plan, save_plan
-from pscover.planning import as_scene, best_effort, ordered, plan
+from pscover.planning import as_seen, best_effort, ordered, plan
 from pscover.scene import Scene
+from pscover.seen import Seen
 from pscover.verify import verify
 
 PAPER = Path(__file__).parents[1] / "instances" / "paper"
@@ -45,7 +46,7 @@ def test_grasps_at_one_distance_keep_the_order_of_candidates() -> None:
     instance = pscover.Instance.of(
         np.full((1, 4), 0.5), meta=pscover.Meta(poses=np.array([[10.0, 20, 0], [20, 10, 0], [20, 20, 0], [30, 20, 0]]))
     )
-    assert [grasp.candidate for grasp in ordered(scene, instance, [3, 0, 2, 1])] == [2, 0, 1, 3]
+    assert [grasp.candidate for grasp in ordered(Seen.whole(scene), instance, [3, 0, 2, 1])] == [2, 0, 1, 3]
 
 
 def test_a_plan_is_what_was_solved() -> None:
@@ -85,7 +86,7 @@ def test_what_can_be_a_scene(tmp_path: Path) -> None:
     file = tmp_path / "labels.png"
     file.write_bytes(cv2.imencode(".png", labels.astype(np.uint16))[1].tobytes())
     for given in (file, str(file), labels, labels.tolist()):
-        assert (as_scene(given).labels == labels).all()
+        assert (as_seen(given).scene.labels == labels).all()
     with pytest.raises(InvalidImage, match="no such file"):
         plan(tmp_path / "none.png")
 
@@ -146,7 +147,8 @@ def test_wrong_arguments_are_named() -> None:
 
 
 def test_the_document_says_what_the_plan_says(tmp_path: Path) -> None:
-    found = plan(Scene.of(thin_and_thick(), names=["ribbon", "towel"], pixels_per_cm=2.0, source="a test"))
+    scene = Scene.of(thin_and_thick(), names=["ribbon", "towel"], pixels_per_cm=2.0, source="a test")
+    found = plan(scene, sampling=Sampling(), predictor=Ellipse())
     document = json.loads(encode_plan(found))
     assert document["schema"] == "pscover.plan/1"
     assert (document["status"], document["formulation"], document["bound"]) == ("infeasible", "elastic", None)

@@ -8,7 +8,9 @@ from pscover import InvalidSettings, UnknownName, registry
 
 
 def test_all_names() -> None:
-    assert registry.names("backend") == ("cpsat", "cvxpy", "greedy", "highs", "lp-rounding", "pyomo", "scip", "scipy")
+    assert registry.names("backend") == (
+        "auto", "cpsat", "cvxpy", "greedy", "highs", "lagrangian", "local-search", "lp-rounding", "pyomo", "scip", "scipy"
+    )  # fmt: skip
     assert registry.names("formulation") == (
         "budgeted", "clique", "elastic", "joint", "pairwise", "robust", "scenario", "single_cover"
     )  # fmt: skip

@@ -215,6 +215,58 @@ def test_export_to_onnx_gives_the_same_masks(checkpoint: Path, photo: NDArray[np
     assert [(mask.top, mask.left, mask.area) for mask in one] == [(mask.top, mask.left, mask.area) for mask in two]
 
 
+def tiny_vit_state() -> dict[str, Any]:
+    """Random weights of a small TinyViT: one block a stage, widths 8 to 12, windows of 3 x 3."""
+    state: dict[str, Any] = {}
+
+    def convolution(name: str, outside: int, inside: int, kernel: int) -> None:
+        state[f"{name}.c.weight"] = torch.randn(outside, inside, kernel, kernel) / kernel
+        for part, value in (("weight", 1.0), ("bias", 0.1), ("running_mean", 0.2), ("running_var", 1.5)):
+            state[f"{name}.bn.{part}"] = torch.full((outside,), value)
+
+    def plain(name: str, *shape: int) -> None:
+        state[f"{name}.weight"] = torch.randn(*shape) / shape[-1] if len(shape) > 1 else torch.rand(*shape)
+        state[f"{name}.bias"] = torch.zeros(shape[0])
+
+    torch.manual_seed(0)
+    convolution("patch_embed.seq.0", 4, 3, 3)
+    convolution("patch_embed.seq.2", 8, 4, 3)
+    for number, shape in (("1", (16, 8, 1)), ("2", (16, 1, 3)), ("3", (8, 16, 1))):
+        convolution(f"layers.0.blocks.0.conv{number}", *shape)
+    for stage, width in ((1, 8), (2, 8), (3, 12)):
+        block, before = f"layers.{stage}.blocks.0", f"layers.{stage - 1}.downsample"
+        convolution(f"{before}.conv1", width, 8, 1)
+        convolution(f"{before}.conv2", width, 1, 3)
+        convolution(f"{before}.conv3", width, width, 1)
+        state[f"{block}.attn.attention_biases"] = torch.randn(2, 9)
+        convolution(f"{block}.local_conv", width, 1, 3)
+        for name, sizes in (
+            ("attn.norm", (width,)), ("attn.qkv", (3 * width, width)), ("attn.proj", (width, width)),
+            ("mlp.norm", (width,)), ("mlp.fc1", (16, width)), ("mlp.fc2", (width, 16)),
+        ):  # fmt: skip
+            plain(f"{block}.{name}", *sizes)
+    plain("neck.0", 6, 12, 1, 1)
+    plain("neck.1", 6)
+    plain("neck.2", 6, 6, 3, 3)
+    plain("neck.3", 6)
+    return state
+
+
+def test_the_encoder_of_mobile_sam_survives_the_way_to_onnx() -> None:
+    pytest.importorskip("onnx")
+    onnxruntime = pytest.importorskip("onnxruntime")
+    from pscover.perception.export import _traced
+    from pscover.perception.tiny_vit import tiny_vit
+
+    encoder, photo = tiny_vit(tiny_vit_state(), img_size=64), torch.rand(1, 3, 64, 64)
+    content = _traced(encoder, (torch.rand(1, 3, 64, 64),), ["x"], ["emb"], {})
+    (got,) = onnxruntime.InferenceSession(content).run(None, {"x": photo.numpy()})
+    with torch.inference_mode():
+        expected = encoder(photo).numpy()
+    assert got.shape == (1, 6, 4, 4)
+    assert np.abs(got - expected).max() < 1e-4
+
+
 def test_files_that_are_no_models_are_our_errors(tmp_path: Path) -> None:
     pytest.importorskip("onnxruntime")
     path = tmp_path / "model.onnx"

@@ -37,11 +37,11 @@ def test_the_encoder_written_for_pscover_is_mobile_sam_s() -> None:
     torch = pytest.importorskip("torch")
     import onnxruntime
 
-    from pscover.perception.tiny_vit import TinyViT
+    from pscover.perception.tiny_vit import tiny_vit
 
     path = vouched(WEIGHTS / MOBILE_SAM.file, MOBILE_SAM.digests)
     state = torch.load(path, map_location="cpu", weights_only=True)
-    encoder = TinyViT({name[14:]: value for name, value in state.items() if name.startswith("image_encoder.")}).eval()
+    encoder = tiny_vit({name[14:]: value for name, value in state.items() if name.startswith("image_encoder.")})
     photo = np.random.default_rng(0).standard_normal((1, 3, 1024, 1024)).astype(np.float32)
     (expected,) = onnxruntime.InferenceSession(str(WEIGHTS / ENCODER.file)).run(None, {"x": photo})
     with torch.inference_mode():

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import pscover
-from pscover import Instance, InvalidSettings, Settings, Status, Stop, UnknownName
+from pscover import Instance, InvalidInstance, InvalidSettings, Settings, Status, Stop, UnknownName
 
 sys.path.insert(0, str(Path(__file__).parent))
 from engines import Inline
@@ -61,6 +61,45 @@ def test_margin_buys_strict_feasibility() -> None:
     assert pscover.solve(instance, margin=0.01).objective == 2
 
 
+def test_what_is_proven_with_a_margin_is_not_proven_without() -> None:
+    instance = Instance.of([[0.7, 0.75]], required=0.7, cost=[1, 2], conflicts=[(0, 1)])
+    reachable = pscover.solve(instance, margin=0.2)
+    assert (reachable.status, reachable.bound) == (Status.UNKNOWN, -np.inf)
+    started = pscover.solve(instance, margin=0.01, start=[0])
+    assert (started.status, started.objective, started.bound) == (Status.FEASIBLE, 1.0, -np.inf)
+
+
+def test_a_bound_that_a_plan_refutes_is_none() -> None:
+    for claim in (Status.OPTIMAL, Status.INFEASIBLE):
+        result = pscover.solve(INSTANCE, backend=Inline(plans=((0, 1),), status=claim, bound=2.0), start=[2])
+        assert (result.status, result.objective, result.bound) == (Status.FEASIBLE, 1.0, -np.inf)
+        assert all(step.bound <= step.objective for step in result.trace)
+
+
+@pytest.mark.parametrize("backend", ["highs", "greedy", "scipy"])
+def test_tiny_costs_count(backend: str) -> None:
+    random = np.random.default_rng(0)
+    p = random.uniform(0.3, 0.9, (10, 20)) * (random.random((10, 20)) < 0.4)
+    usual = Instance.of(p, required=0.6, cost=random.uniform(1, 3, 20))
+    tiny = Instance.of(p, required=0.6, cost=usual.cost * 1e-9)
+    best = pscover.solve(usual, backend=backend)
+    found = pscover.solve(tiny, backend=backend, start=list(range(20)))
+    assert found.objective <= best.objective * 1e-9 * (1 + 1e-9)
+    assert found.bound == pytest.approx(best.bound * 1e-9, rel=1e-6)
+    assert found.status is best.status
+
+
+def test_explaining_infeasibility_keeps_the_deadline() -> None:
+    random = np.random.default_rng(1)
+    pairs = [(i, j) for i in range(400) for j in range(i) if random.random() < 0.1]
+    instance = Instance.of(random.uniform(0.001, 0.003, (1, 400)), required=0.9, conflicts=pairs)
+    result = pscover.solve(instance, backend="greedy", time=0.3)
+    assert result.status is Status.INFEASIBLE
+    assert result.diagnosis is not None
+    (found,) = result.diagnosis.unreachable
+    assert found.reach < found.ceiling < 0.9
+
+
 def test_infeasibility_is_explained() -> None:
     alone = pscover.solve(Instance.of([[0.6, 0.6, 0.5]], required=0.85, conflicts=[(0, 1)]))
     assert alone.status is Status.INFEASIBLE
@@ -98,6 +137,19 @@ def test_settings_are_checked() -> None:
             pscover.solve(INSTANCE, **bad)
     with pytest.raises(InvalidSettings, match="start"):
         pscover.solve(INSTANCE, start=[3])
+    for wrong in (
+        {"time": "1"},
+        {"gap": None},
+        {"threads": 1.5},
+        {"seed": "0"},
+        {"margin": []},
+        {"start": 5},
+        {"start": "02"},
+    ):
+        with pytest.raises(InvalidSettings, match=f"^{next(iter(wrong))}.*expected"):
+            pscover.solve(INSTANCE, **wrong)
+    given = Settings(time=np.float32(2), seed=np.int64(3), start=np.array([0, 1]))  # type: ignore[arg-type]
+    assert given == Settings(time=2.0, seed=3, start=(0, 1))
     with pytest.raises(UnknownName, match="did you mean 'threads'"):
         pscover.solve(INSTANCE, thread=2)
     with pytest.raises(UnknownName, match="did you mean 'highs'"):
@@ -105,6 +157,14 @@ def test_settings_are_checked() -> None:
     with pytest.raises(UnknownName, match="did you mean 'clique'"):
         pscover.solve(INSTANCE, formulation="cliques")
     assert pscover.solve(INSTANCE, settings=Settings(seed=3), time=5).settings == Settings(seed=3, time=5)
+
+
+def test_arguments_of_another_kind_are_named() -> None:
+    with pytest.raises(InvalidInstance, match=r"instance: expected an Instance .*got list"):
+        pscover.solve([[0.8]])  # type: ignore[arg-type]
+    for wrong in ({"backend": None}, {"backend": Inline}, {"formulation": 3}, {"settings": 5}, {"observe": None}):
+        with pytest.raises(InvalidSettings, match=f"^{next(iter(wrong))}: expected"):
+            pscover.solve(INSTANCE, **wrong)
 
 
 def test_solving_from_a_thread_that_is_not_the_main_one() -> None:

@@ -43,6 +43,10 @@ def test_an_honest_result_passes() -> None:
         ({"coverage": np.array([0.75, np.nan])}, ["coverage"]),
         ({"value": (0.5,)}, ["objective"]),
         ({"value": ()}, ["objective"]),
+        ({"shortfall": np.array([0.0, 0.1])}, ["requirements"]),
+        ({"shortfall": None}, ["requirements"]),
+        ({"options": "{"}, ["requirements"]),
+        ({"options": "[1]"}, ["requirements"]),
         ({"bound": 0.5}, ["status"]),
         ({"bound": 1.5}, ["status"]),
         ({"status": Status.INFEASIBLE}, ["status"]),
@@ -71,6 +75,24 @@ def test_infeasibility_is_proven_again_where_one_element_is_out_of_reach() -> No
     assert "element 0 reaches at most 0.8 of 0.85" in last.detail
     together = Instance.of([[0.8, 0], [0, 0.8]], conflicts=[(0, 1)])
     assert verify(together, pscover.solve(together)).checks[-1].verdict is Verdict.UNCHECKED
+
+
+def test_an_element_out_of_reach_proves_nothing_of_other_goals() -> None:
+    instance = Instance.of([[0.6]], required=0.85)
+    claim = replace(pscover.solve(instance), formulation="joint", options='{"required": 0.7}')
+    assert verify(instance, claim).checks[-1].verdict is Verdict.UNCHECKED
+    for formulation in ("budgeted", "elastic"):
+        last = verify(instance, replace(claim, formulation=formulation, options="{}")).checks[-1]
+        assert last.verdict is Verdict.FAILED
+        assert "the empty plan meets every requirement" in last.detail
+
+
+def test_infeasibility_is_checked_without_a_search() -> None:
+    random = np.random.default_rng(1)
+    pairs = [(i, j) for i in range(400) for j in range(i) if random.random() < 0.1]
+    instance = Instance.of(random.uniform(0.001, 0.003, (30, 400)), required=0.9, conflicts=pairs)
+    claim = replace(HONEST, digest=instance.digest, status=Status.INFEASIBLE, chosen=None)
+    assert "element 0 reaches at most" in verify(instance, claim).checks[-1].detail
 
 
 def test_no_solver_is_imported() -> None:

@@ -14,15 +14,19 @@ import pscover
 from pscover.cli.fail import MEANING, Exit, report
 from pscover.errors import UnknownName
 
-COMMANDS = ("plan", "solve", "verify", "info", "compare", "convert", "generate", "backends", "formulations")
+COMMANDS = (
+    *("plan", "segment", "solve", "verify", "info", "compare", "convert", "generate"),
+    *("backends", "formulations", "segmenters", "models"),
+)
 """In the order of `--help`; each is `command` in the module of that name."""
 
 WIDTH = 90
 """Columns of help, where the terminal has as many."""
 EXAMPLES = """\b
 Examples:
+  pscover plan photo.jpg --html report.html
+  pscover segment photo.jpg -o photo.labels.png
   pscover generate garments --count 12 --seed 1 -o table.png
-  pscover plan table.png
   pscover solve instance.json --time 5 -o result.json
   pscover verify instance.json result.json
   pscover compare instance.json --backends highs,greedy

@@ -59,24 +59,27 @@ def report(error: BaseException) -> Exit:
             return leave_unread()
         case click.UsageError():
             return _misused(error)
-        case MissingDependency():
-            say(f"error: {error}")
-            return Exit.MISSING
-        case PscoverError():
-            say(f"error: {error}")
-            return Exit.NO_PLAN if isinstance(error, EngineFailed) else Exit.BAD_INPUT
-        case click.ClickException():
-            say(f"error: {error.format_message()}")
-            return Exit.BAD_INPUT
-        case MemoryError():
-            say("error: there is not enough memory for this problem")
-            return Exit.BAD_INPUT
-        case OSError() if error.filename is not None:
-            say(f"error: {error.filename}: {error.strerror}")
-            return Exit.BAD_INPUT
         case _:
-            say(f"error: {type(error).__name__}: {error} (this is a bug: {ISSUES})")
-            return Exit.BUG
+            code, message = explained(error)
+            say(f"error: {message}")
+            return code
+
+
+def explained(error: BaseException) -> tuple[Exit, str]:
+    """The exit code of an error, and what to say of it."""
+    match error:
+        case MissingDependency():
+            return Exit.MISSING, str(error)
+        case PscoverError():
+            return Exit.NO_PLAN if isinstance(error, EngineFailed) else Exit.BAD_INPUT, str(error)
+        case click.ClickException():
+            return Exit.BAD_INPUT, error.format_message()
+        case MemoryError():
+            return Exit.BAD_INPUT, "there is not enough memory for this problem"
+        case OSError() if error.filename is not None:
+            return Exit.BAD_INPUT, f"{error.filename}: {error.strerror}"
+        case _:
+            return Exit.BUG, f"{type(error).__name__}: {error} (this is a bug: {ISSUES})"
 
 
 def leave_interrupted() -> Exit:
@@ -98,6 +101,10 @@ def leave_unread() -> Exit:
 
 
 def _misused(error: click.UsageError) -> Exit:
+    if error.ctx is not None and error.format_message() == error.ctx.get_help():
+        # A group without a subcommand: nothing is wrong but that the help is needed.
+        click.echo(error.ctx.get_help(), err=True)
+        return Exit.BAD_INPUT
     # Click ends some of its messages with a full stop and some not; its suggestions follow in the same text.
     say(f"error: {error.format_message()}")
     if error.ctx is not None:

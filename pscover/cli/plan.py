@@ -1,39 +1,124 @@
-"""`pscover plan`: from the labels of a scene to grasps in the order of execution, with a picture."""
+"""`pscover plan`: from a photo, labels or annotations to grasps in the order of execution, with pictures."""
 
 from __future__ import annotations
 
 import importlib.util
 import time as clock
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from pscover.cli.fail import Exit, say
-from pscover.cli.options import FILE, backend_option, formulation_option, json_option, parameter_option, point, quiet_option
+from pscover.cli.look import Corners, Eyes, looking, notes, stem_of
+from pscover.cli.options import FILE, backend_option, formulation_option, json_option, parameter_option, quiet_option
 
 if TYPE_CHECKING:
+    from pscover.backend import Backend
+    from pscover.cli.live import Line
+    from pscover.formulation import Formulation
     from pscover.grasping.conflicts import Conflicts
     from pscover.planning import Plan
+    from pscover.seen import Seen
     from pscover.verify import Verification
 
 PICTURES = (".png", ".svg", ".pdf")
-PAPER_SCALE = 4.7
-"""Pixels per cm at which the gripper's sizes in pixels are the paper's."""
+PAGES = (".html", ".htm")
 
 
-@click.command("plan", short_help="Plan the grasps that clear a scene, and draw them.")
-@click.argument("scene", type=FILE)
-@click.option("--photo", type=FILE, help="Drawn under the plan.  [default: table.jpg or .png beside table.labels.png]")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Planner:
+    """How to plan for a scene, apart from where it comes from."""
+
+    engine: Backend
+    form: Formulation
+    seconds: float
+    seed: int
+    required: float
+    points: int
+    orientations: int
+    conflicts: str
+
+    def plan(self, seen: Seen, observe: Line) -> Plan:
+        """The plan, with the paper's gripper at the scene's scale."""
+        from pscover.planning import paper_gripper, plan
+
+        scale = seen.scene.pixels_per_cm
+        sampling, gripper = paper_gripper(scale, points=self.points, orientations=self.orientations)
+        return plan(
+            seen,
+            sampling=sampling,
+            predictor=gripper,
+            conflicts=_rule(self.conflicts, gripper.major),
+            required=self.required,
+            backend=self.engine,
+            formulation=self.form,
+            time=self.seconds,
+            seed=self.seed,
+            observe=observe,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outputs:
+    """Where the parts of a plan go; None is nowhere."""
+
+    plan: Path | None = None
+    picture: Path | None = None
+    instance: Path | None = None
+    page: Path | None = None
+
+    def check(self, inputs: list[Path]) -> None:
+        """Raise unless all can be written."""
+        from pscover.cli.output import require_distinct, require_writable
+
+        require_distinct(self.plan, self.picture, self.instance, self.page)
+        require_writable(self.plan, inputs, suffixes=(".json",))
+        require_writable(self.picture, inputs, suffixes=PICTURES)
+        require_writable(self.instance, inputs, suffixes=(".json", ".npz"))
+        require_writable(self.page, inputs, suffixes=PAGES)
+
+    def write(self, found: Plan, verification: Verification) -> float:
+        """Write them, and return the seconds that drawing took."""
+        if self.plan is not None:
+            from pscover.plan_document import save_plan
+
+            save_plan(found, self.plan)
+        if self.instance is not None:
+            from pscover.io import save_instance
+            from pscover.plan_document import instance_of_photo
+
+            save_instance(instance_of_photo(found), self.instance)
+        began = clock.monotonic()
+        if self.page is not None:
+            from pscover.report import save_report
+
+            save_report(found, self.page, verification)
+        if self.picture is not None:
+            from pscover.figures.plan import save_plan_figure
+
+            save_plan_figure(found, self.picture)
+        return clock.monotonic() - began
+
+    def announce(self) -> None:
+        """Say where everything went."""
+        from pscover.cli.output import wrote
+
+        parts = ((self.plan, "the plan"), (self.instance, "the instance"), (self.picture, "the picture"))
+        for path, what in (*parts, (self.page, "the report")):
+            if path is not None:
+                wrote(path, what)
+
+
+@click.command("plan", cls=Corners, short_help="Plan the grasps that clear what a photo shows, and draw them.")
+@click.argument("scene", metavar="PHOTO", type=FILE)
+@looking
 @backend_option
 @formulation_option
 @parameter_option("--set", "parameters", "formulation")
-@click.option("--time", "seconds", type=float, default=10.0, show_default=True, metavar="SECONDS", help="Deadline.")
+@click.option("--time", "seconds", type=float, default=10.0, show_default=True, metavar="SECONDS", help="Deadline of the plan.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of everything random.")
-@click.option(
-    "--pixels-per-cm", type=float, default=PAPER_SCALE, show_default=True, help="Scale; the gripper is drawn to it."
-)
-@click.option("--basket", type=point, metavar="X,Y", help="In pixels; may lie outside.  [default: middle of the right edge]")
 @click.option("--required", type=float, default=0.7, show_default=True, help="Probability to remove each garment.")
 @click.option("--points", type=int, default=5, show_default=True, help="Candidate points in each part.")
 @click.option("--orientations", type=int, default=6, show_default=True, help="Angles at each point.")
@@ -44,22 +129,21 @@ PAPER_SCALE = 4.7
     show_default=True,
     help="Which grasps exclude each other.",
 )
-@click.option("--output", "-o", type=FILE, metavar="FILE", help="Write the plan to a .json file.")
-@click.option("--figure", type=FILE, metavar="FILE", help="Picture.  [default: SCENE.plan.png in the current folder]")
+@click.option("--output", "-o", type=FILE, metavar="FILE", help="Write the plan to a .json file; for a folder, a folder.")
+@click.option("--figure", type=FILE, metavar="FILE", help="Picture.  [default: PHOTO.plan.png in the current folder]")
 @click.option("--no-figure", is_flag=True, help="Draw no picture.")
+@click.option("--html", "page", type=FILE, metavar="FILE", help="Write a report to open in a browser: one .html file.")
 @click.option("--save-instance", "instance_file", type=FILE, metavar="FILE", help="Write the instance (.json, .npz).")
 @json_option
 @quiet_option
 def command(
     scene: Path,
-    photo: Path | None,
+    eyes: Eyes,
     backend: str,
     formulation: str,
     parameters: tuple[tuple[str, str], ...],
     seconds: float,
     seed: int,
-    pixels_per_cm: float,
-    basket: tuple[float, float] | None,
     required: float,
     points: int,
     orientations: int,
@@ -67,81 +151,75 @@ def command(
     output: Path | None,
     figure: Path | None,
     no_figure: bool,
+    page: Path | None,
     instance_file: Path | None,
     as_json: bool,
     quiet: bool,
 ) -> Exit:
-    """Plan the grasps that clear SCENE, a PNG of labels: 0 is the surface, each other value a garment.
+    """Plan the grasps that clear what PHOTO shows: a JPEG or PNG, a PNG of labels (0 is the surface, each other value a
+    garment), or annotations (records of Segment Anything, COCO, LabelMe, NumPy). The content says which.
 
-    Prints the grasps in the order of execution (x and y in pixels from the top left, the angle of the jaw in degrees from
-    the x axis towards the y axis, clockwise as seen) and how surely each garment is removed, and draws a picture. Exit
-    code 0 if every garment is removed as surely as required; else the plan that comes closest is shown, and the code is 1.
+    Prints the grasps in the order of execution (x and y in pixels of the photo from the top left, the angle of the jaw in
+    degrees from the x axis towards the y axis, clockwise as seen) and how surely each garment is removed, and draws a
+    picture. Exit code 0 if every garment is removed as surely as required; else the plan that comes closest is shown, and the
+    code is 1.
+
+    Of a folder, every photo is planned; a bad one does not stop the rest. Plans, pictures and reports go to the folder -o,
+    and the code is 2 if a photo could not be read, else 1 if a plan falls short.
 
     \b
     Examples:
-      pscover generate garments --count 12 -o table.png && pscover plan table.png
-      pscover plan table.labels.png --basket 470,141 -o plan.json
+      pscover plan photo.jpg --html report.html
+      pscover plan photo.jpg --roi 40,30 600,30 600,450 40,450 --px-per-cm 6.1
+      pscover plan sam_records.json --photo photo.jpg -o plan.json
+      pscover plan photos/ -o plans/
     """
     from pscover import isolate, registry
     from pscover.cli.live import watching
-    from pscover.cli.output import require_distinct, require_writable, wrote
-    from pscover.grasping.ellipse import Ellipse
-    from pscover.grasping.sampling import Sampling
-    from pscover.io import save_instance
-    from pscover.plan_document import save_plan
-    from pscover.planning import plan
+    from pscover.inputs import Kind
     from pscover.result import Settings
-    from pscover.scene import Scene
     from pscover.verify import verify
 
     Settings(time=seconds, seed=seed)
-    engine, form = registry.backend(backend), registry.formulation(formulation, dict(parameters))
-    picture = _picture(scene, figure, no_figure=no_figure, quiet=quiet)
-    shown = photo or _sibling(scene)
-    inputs = [path for path in (scene, shown) if path is not None]
-    require_distinct(output, picture, instance_file)
-    require_writable(output, inputs, suffixes=(".json",))
-    require_writable(picture, inputs, suffixes=PICTURES)
-    require_writable(instance_file, inputs, suffixes=(".json", ".npz"))
-    # The engine's process starts while the image is read.
-    isolate.warm_up(engine)
-    there = Scene.read(scene, photo=shown, pixels_per_cm=pixels_per_cm, basket=basket)
-    scale = pixels_per_cm / PAPER_SCALE
-    gripper = Ellipse(major=40.0 * scale, minor=12.0 * scale, half=100.0 * scale**2)
-    sampling = Sampling(points=points, orientations=orientations, reach=20.0 * scale)
-    with watching(f"{engine.name} on {scene.name}", quiet=quiet) as line:
-        found = plan(
-            there,
-            sampling=sampling,
-            predictor=gripper,
-            conflicts=_rule(conflicts, scale),
-            required=required,
-            backend=engine,
-            formulation=form,
-            time=seconds,
-            seed=seed,
-            observe=line,
-        )
-    verification = verify(found.instance, found.result)
-    drawing = 0.0
-    try:
-        if output is not None:
-            save_plan(found, output)
-        if instance_file is not None:
-            save_instance(found.instance, instance_file)
-        if picture is not None:
-            from pscover.figures.plan import save_plan_figure
+    planner = Planner(
+        engine=registry.backend(backend),
+        form=registry.formulation(formulation, dict(parameters)),
+        seconds=seconds,
+        seed=seed,
+        required=required,
+        points=points,
+        orientations=orientations,
+        conflicts=conflicts,
+    )
+    if no_figure and figure is not None:
+        raise click.UsageError("--figure and --no-figure exclude each other")
+    kind = eyes.kind_of(scene)
+    if kind is Kind.FOLDER:
+        from pscover.cli.plan_folder import plan_folder
 
-            began = clock.monotonic()
-            save_plan_figure(found, picture)
-            drawing = clock.monotonic() - began
+        if figure or page or instance_file:
+            raise click.UsageError("--figure, --html and --save-instance are for one photo; of a folder, -o DIR gets all")
+        drawn = _picture(scene, figure, no_figure=no_figure, quiet=quiet) is not None
+        return plan_folder(scene, output, eyes, planner, drawn=drawn, as_json=as_json, quiet=quiet)
+    picture = _picture(scene, figure, no_figure=no_figure, quiet=quiet)
+    outputs = Outputs(plan=output, picture=picture, instance=instance_file, page=page)
+    outputs.check([path for path in (scene, eyes.photo_of(scene, kind)) if path is not None])
+    # The engine's process starts while the image is looked at.
+    isolate.warm_up(planner.engine)
+    with watching(f"looking at {scene.name}", quiet=quiet) as line:
+        seen = eyes.read(scene)
+        line.restart(f"{planner.engine.name} on {scene.name}")
+        found = planner.plan(seen, line)
+    for note in () if quiet else notes(seen):
+        say(note)
+    verification, drawing = verify(found.instance, found.result), 0.0
+    try:
+        drawing = outputs.write(found, verification)
     finally:
-        _print(found, verification, picture, drawing, as_json=as_json)
+        _print(found, verification, outputs, drawing, as_json=as_json)
     if not quiet:
-        for path, what in ((output, "the plan"), (instance_file, "the instance"), (picture, "the picture")):
-            if path is not None:
-                wrote(path, what)
-    return _code(found, verification)
+        outputs.announce()
+    return plan_code(found, verification)
 
 
 def _picture(scene: Path, figure: Path | None, *, no_figure: bool, quiet: bool) -> Path | None:
@@ -149,8 +227,6 @@ def _picture(scene: Path, figure: Path | None, *, no_figure: bool, quiet: bool) 
     from pscover.errors import MissingDependency
 
     if no_figure:
-        if figure is not None:
-            raise click.UsageError("--figure and --no-figure exclude each other")
         return None
     if importlib.util.find_spec("matplotlib") is None:
         missing = MissingDependency.for_extra("the picture of a plan", ["matplotlib"], "figures")
@@ -159,32 +235,24 @@ def _picture(scene: Path, figure: Path | None, *, no_figure: bool, quiet: bool) 
         if not quiet:
             say(f"note: no picture: {missing}")
         return None
-    return figure or Path(f"{scene.name.removesuffix('.png').removesuffix('.labels')}.plan.png")
+    return figure or Path(f"{stem_of(scene)}.plan.png")
 
 
-def _sibling(scene: Path) -> Path | None:
-    """The photo beside a file of labels: x.jpg, x.jpeg or x.png beside x.labels.png."""
-    stem = scene.name.removesuffix(".labels.png")
-    if stem == scene.name:
-        return None
-    beside = (scene.with_name(stem + ending) for ending in (".jpg", ".jpeg", ".png"))
-    return next((path for path in beside if path.is_file()), None)
-
-
-def _rule(name: str, scale: float) -> str | Conflicts:
+def _rule(name: str, pixels: float) -> str | Conflicts:
     from pscover.grasping.conflict_distance import CloserThan
 
-    return CloserThan(pixels=40.0 * scale) if name == "distance" else name
+    return CloserThan(pixels=pixels) if name == "distance" else name
 
 
-def _code(found: Plan, verification: Verification) -> Exit:
+def plan_code(found: Plan, verification: Verification) -> Exit:
+    """The exit code of a plan and its check."""
     from pscover.cli.solve import code
 
     known = code(found.result, verification)
     return Exit.NO_PLAN if known is Exit.VERIFIED and found.unmet else known
 
 
-def _print(found: Plan, verification: Verification, picture: Path | None, drawing: float, *, as_json: bool) -> None:
+def _print(found: Plan, verification: Verification, outputs: Outputs, drawing: float, *, as_json: bool) -> None:
     from pscover.cli.output import show, show_document
 
     if as_json:
@@ -196,7 +264,8 @@ def _print(found: Plan, verification: Verification, picture: Path | None, drawin
         content: dict[str, Any] = {
             "plan": msgspec.to_builtins(document(found)),
             "verification": verification_document(verification),
-            "figure": None if picture is None else str(picture),
+            "figure": None if outputs.picture is None else str(outputs.picture),
+            "html": None if outputs.page is None else str(outputs.page),
         }
         show_document(content)
         return
@@ -207,4 +276,4 @@ def _print(found: Plan, verification: Verification, picture: Path | None, drawin
         show("", grasp_table(found))
     if found.scene.garments:
         show("", garment_table(found))
-    show("", plan_facts(found, verification, picture, drawing))
+    show("", plan_facts(found, verification, outputs.picture, outputs.page, drawing))

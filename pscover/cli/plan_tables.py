@@ -77,14 +77,27 @@ def garment_table(plan: Plan) -> Table:
     return table
 
 
-def plan_facts(plan: Plan, verification: Verification, picture: Path | None, drawing: float) -> Table:
-    """Expectation, times, the check, and where the picture went."""
-    stages = f"candidates {plan.seconds.candidates:.2f} s, solve {plan.seconds.solve:.2f} s"
+def plan_facts(
+    plan: Plan, verification: Verification, picture: Path | None, page: Path | None = None, drawing: float = 0.0
+) -> Table:
+    """What was looked at, expectation, times, the check, and where the pictures went."""
     rows: list[tuple[str, str | Text]] = [
+        ("input", plan.seen.origin),
         ("expected", f"{plan.expected_removed:.1f} of {count(plan.scene.garments, 'garment')} removed"),
-        ("time", f"{stages}, picture {drawing:.2f} s" if drawing else stages),
+        ("time", stage_times(plan, drawing)),
         *verified(plan.result, verification),
     ]
     if picture is not None:
         rows.append(("picture", str(picture)))
+    if page is not None:
+        rows.append(("report", str(page)))
     return facts(rows)
+
+
+def stage_times(plan: Plan, drawing: float = 0.0) -> str:
+    """Wall seconds of every stage, in order, and of all together."""
+    stages = [(stage.name, stage.seconds) for stage in plan.seen.stages]
+    stages += [("candidates", plan.seconds.candidates), ("solve", plan.seconds.solve)]
+    stages += [("picture", drawing)] if drawing else []
+    total = sum(seconds for _, seconds in stages)
+    return f"{total:.2f} s: {', '.join(f'{name} {seconds:.2f}' for name, seconds in stages)}"

@@ -128,7 +128,7 @@ def _start(given: Result, instance: Instance, path: Path) -> tuple[int, ...]:
         raise InvalidResult(f"{path}: expected a result with a plan to start from, got one without ({given.status})")
     if given.digest != instance.digest:
         say(f"note: the plan in {path} is of another instance; it is used as far as it goes")
-    return tuple(int(i) for i in given.chosen)
+    return tuple(int(i) for i in given.chosen if i < instance.candidates)
 
 
 def _save_trace(result: Result, path: Path) -> None:

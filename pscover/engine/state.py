@@ -119,14 +119,7 @@ def draw(random: NDArray[np.uint64], below: int) -> int:
 @inner
 def penalty(deficit: float) -> float:
     """What a row that is short by `deficit` costs at weight 1."""
-    if deficit <= TOLERANCE:
-        return 0.0
-    return SHARE + (1.0 - SHARE) * deficit
-
-
-import os
-SHARE = float(os.environ.get('SHARE','0'))
-"""How much of the penalty of a row is for being short at all."""
+    return deficit if deficit > TOLERANCE else 0.0
 
 
 @inner

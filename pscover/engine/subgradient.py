@@ -53,6 +53,13 @@ def multipliers(problem: Problem) -> Multipliers:
     return Multipliers(y, y.copy(), problem.cost.copy(), np.zeros(problem.rows), np.zeros(n), value)
 
 
+def carried(problem: Problem, old: Multipliers) -> Multipliers:
+    """The best multipliers for a problem with the same rows and fewer candidates."""
+    n = problem.candidates
+    value = np.array([-np.inf, max(0.02, old.value[LENGTH]), np.inf, -np.inf, 0.0, 0.0])
+    return Multipliers(old.kept.copy(), old.kept.copy(), problem.cost.copy(), np.zeros(problem.rows), np.zeros(n), value)
+
+
 @kernel
 def ascend(problem: Problem, state: Multipliers, steps: int, goal: float) -> float:
     """Take steps towards the best multipliers; the best bound so far (Held, Wolfe, Crowder 1974; Caprara et al. 1999).

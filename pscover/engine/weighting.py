@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .greedy import prune
 from .jit import inner, kernel
-from .problem import Problem
+from .problem import IntArray, Problem
 from .state import (
     BEST,
     BEST_AT,
@@ -27,10 +27,10 @@ from .state import (
     weigh,
 )
 
-import os
-MODE = int(os.environ.get('MODE','0'))
 SAMPLE = 60
 """How many candidates of a short row a move compares at most."""
+ADDITIONS = 2
+"""How many candidates a move puts in at most: one more than it takes out, where the cost allows."""
 REFRESH = 1 << 14
 """Moves after which rounding is cleared away."""
 
@@ -70,6 +70,16 @@ def search(problem: Problem, state: State, work: int, moves: int) -> bool:
     return False
 
 
+@kernel
+def adopt(problem: Problem, state: State, plan: IntArray) -> None:
+    """Make a plan, free of conflicts, the one that is searched from."""
+    while state.count[SIZE] > 0:
+        take_out(problem, state, state.candidates[0]["plan"])
+    for i in plan:
+        if state.candidates[i]["taken"] == 0:
+            put(problem, state, i)
+
+
 @inner
 def _least_missed(problem: Problem, state: State) -> int:
     """The candidate of the plan of least loss per cost, the one that is there longest among equals."""
@@ -93,7 +103,7 @@ def _cover(problem: Problem, state: State) -> None:
     """Put in candidates for short rows as far as the cost allows."""
     count, value = state.count, state.value
     now = count[MOVES]
-    for adds in range(count[SHORT] + 1):
+    for _ in range(ADDITIONS):
         if count[SHORT] == 0:
             return
         j = state.rows[draw(state.random, count[SHORT])]["lacking"]
@@ -109,7 +119,7 @@ def _cover(problem: Problem, state: State) -> None:
         for s in range(count[SHORT]):
             weigh(problem, state, state.rows[s]["lacking"], 1.0)
         count[WORK] += count[SHORT]
-        if i < 0 or value[LIMIT] > 1e300 or (MODE & 2 and adds >= 1):
+        if i < 0 or value[LIMIT] > 1e300:
             return
 
 
@@ -137,7 +147,8 @@ def _best_of_row(problem: Problem, state: State, j: int) -> int:
         if value[COST] + cost - freed > value[LIMIT]:
             continue
         score = net / max(cost, 1e-12)
-        if net <= 0.0 and value[LIMIT] < 1e300 and MODE & 1:
+        # While any plan will do, a move may make things worse: weights lead on. Later it would undo what was put in.
+        if net <= 0.0 and value[LIMIT] < 1e300:
             continue
         if best < 0 or score > best_score or (score == best_score and state.candidates[i]["moved"] < state.candidates[best]["moved"]):
             best, best_score = i, score

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pscover.errors import InvalidSettings, MissingDependency
+from pscover.figures.scene import FORMATS, INK, MUTED, PAPER, draw_outlines, palette, tinted
 from pscover.files import write_bytes
 from pscover.grasping.partition import partition
 from pscover.planning import Plan
@@ -22,9 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FORMATS = ("png", "svg", "pdf")
-PAPER, INK, MUTED, ALARM = "#ffffff", "#1f2430", "#6b7280", "#c2255c"
-SURFACE = (0.945, 0.937, 0.918)
+ALARM = "#c2255c"
 LISTED = 45
 """More garments than this get no list beside the picture."""
 NAMED = 18
@@ -34,11 +33,6 @@ HEAD, FOOT = 1.05, 0.5
 ROW, WIDEST_ROW = 0.15, 0.3
 """Inches of a line of the list, at least and at most."""
 BASKET = "#f59f00"
-COLOURS = (
-    *("#4c78a8", "#f58518", "#54a24b", "#e45756", "#72b7b2", "#b279a2"),
-    *("#eeca3b", "#7f6bb3", "#ff9da6", "#9d755d", "#2f8f9d", "#a3b84a"),
-)
-"""Of garments; further ones repeat them darker and lighter."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,21 +145,6 @@ def save_plan_figure(plan: Plan, path: str | PathLike[str], style: PlanStyle = S
     write_bytes(path, render_plan(plan, Path(path).suffix.lower().removeprefix("."), style))
 
 
-def palette(count: int) -> NDArray[np.float64]:
-    """Colours of garments, shape (count, 3), RGB from 0 to 1.
-
-    Examples
-    --------
-    >>> palette(2).round(2).tolist()
-    [[0.3, 0.47, 0.66], [0.96, 0.52, 0.09]]
-    """
-    given = np.array([[int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)] for colour in COLOURS])
-    round_, which = np.divmod(np.arange(count), len(COLOURS))
-    shade = np.array([0.0, -0.25, 0.3])[round_ % 3][:, None]
-    mixed: NDArray[np.float64] = given[which] * (1 - np.abs(shade)) + np.clip(shade, 0, 1)
-    return mixed
-
-
 def headline(plan: Plan) -> tuple[str, str, str]:
     """The title, what is proven, and the figures."""
     grasps, garments = len(plan.grasps), plan.scene.garments
@@ -183,7 +162,7 @@ def headline(plan: Plan) -> tuple[str, str, str]:
     figures = (
         f"{plan.expected_removed:.1f} garments expected in the basket",
         f"{plan.instance.candidates:,} candidates",
-        f"{plan.seconds.candidates + plan.seconds.solve:.2f} s",
+        f"{plan.seen.seconds + plan.seconds.candidates + plan.seconds.solve:.2f} s",
     )
     return f"{_counted(grasps, 'grasp')} for {_counted(garments, 'garment')}", proof, "   ·   ".join(figures)
 
@@ -205,9 +184,9 @@ def _draw_scene(view: Axes, plan: Plan, colours: NDArray[np.float64]) -> None:
     scene = plan.scene
     height, width = scene.shape
     smooth = "nearest" if scene.photo is None else "antialiased"
-    view.imshow(_ground(plan, colours), interpolation=smooth, zorder=0)
+    view.imshow(tinted(scene, colours), interpolation=smooth, zorder=0)
     _draw_boundaries(view, plan)
-    _draw_outlines(view, plan, colours)
+    draw_outlines(view, scene, colours)
     poses = plan.instance.meta.poses
     if poses is not None and len(poses):
         points = np.unique(poses[:, :2], axis=0)
@@ -220,23 +199,6 @@ def _draw_scene(view: Axes, plan: Plan, colours: NDArray[np.float64]) -> None:
     view.set_yticks([])
     for spine in view.spines.values():
         spine.set_color("#d4d4d8")
-
-
-def _ground(plan: Plan, colours: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The photo with every garment in its colour of the list, folds and shadows kept; or the map of labels."""
-    scene = plan.scene
-    on = scene.segments >= 0
-    own = colours[scene.segments[on]]
-    if scene.photo is None:
-        ground = np.full((*scene.shape, 3), SURFACE)
-        ground[on] += 0.55 * (own - ground[on])
-        return ground
-    ground = scene.photo / 255.0
-    # The photo's own hue under a tint makes mud: garments keep their light and dark only.
-    light = ground[on] @ (0.299, 0.587, 0.114)
-    ground[on] = 0.5 * own + 0.5 * (0.2 + 0.8 * light[:, None])
-    ground[~on] = 0.85 * ground[~on] + 0.15
-    return ground
 
 
 def _draw_boundaries(view: Axes, plan: Plan) -> None:
@@ -252,17 +214,6 @@ def _draw_boundaries(view: Axes, plan: Plan) -> None:
     view.add_collection(LineCollection(list(lines), colors="white", linewidths=0.6, alpha=0.42, zorder=1))
 
 
-def _draw_outlines(view: Axes, plan: Plan, colours: NDArray[np.float64]) -> None:
-    from scipy import ndimage
-
-    segments = plan.scene.segments
-    for j, (rows, columns) in enumerate(ndimage.find_objects(segments + 1, max_label=plan.scene.garments)):
-        mask = np.pad(segments[rows, columns] == j, 1).astype(float)
-        x = np.arange(columns.start - 1, columns.stop + 1)
-        y = np.arange(rows.start - 1, rows.stop + 1)
-        view.contour(x, y, mask, levels=[0.5], colors=[tuple(0.62 * colours[j])], linewidths=1.4, zorder=2)
-
-
 def _draw_grasps(view: Axes, plan: Plan) -> None:
     """The chosen ellipses with the axis along the jaw, numbered in order of execution."""
     from matplotlib.patches import Ellipse
@@ -272,12 +223,12 @@ def _draw_grasps(view: Axes, plan: Plan) -> None:
     halo = [withStroke(linewidth=3.2, foreground="white")]
     many = len(plan.grasps) > 60
     for number, grasp in enumerate(plan.grasps, start=1):
-        at = (grasp.x, grasp.y)
+        at = plan.seen.grid.from_photo(grasp.x, grasp.y)
         ellipse = Ellipse(at, major, minor, angle=math.degrees(grasp.theta), zorder=5)
         ellipse.set(facecolor="#ffffff59", edgecolor=INK, linewidth=1.4, path_effects=halo)
         view.add_patch(ellipse)
         dx, dy = math.cos(grasp.theta) * major / 2, math.sin(grasp.theta) * major / 2
-        view.plot((grasp.x - dx, grasp.x + dx), (grasp.y - dy, grasp.y + dy), color=INK, linewidth=1, zorder=6)
+        view.plot((at[0] - dx, at[0] + dx), (at[1] - dy, at[1] + dy), color=INK, linewidth=1, zorder=6)
         view.annotate(
             str(number),
             at,

@@ -18,7 +18,7 @@ from pscover.perception import connectors
 from pscover.perception.connectors._layout import sample
 from pscover.perception.connectors.contract import AnnotationFormat, Annotations, Request
 
-__all__ = ["Annotations", "format_names", "read_annotations", "write_annotations"]
+__all__ = ["Annotations", "format_names", "format_of", "read_annotations", "write_annotations"]
 
 
 def read_annotations(
@@ -115,6 +115,17 @@ def write_annotations(
         names = ", ".join(sorted(known.name for known in _formats().values() if known.encode))
         raise InvalidImage(f"{path}: expected a format that can be written ({names}), got {found.name!r}")
     write_bytes(place, found.encode(annotations))
+
+
+def format_of(path: str | PathLike[str]) -> str:
+    """The name of the format that a file, or folder, is in.
+
+    Raises
+    ------
+    InvalidImage
+        If it is in none, or cannot be read.
+    """
+    return _recognised(Path(path)).name
 
 
 def format_names() -> tuple[str, ...]:

@@ -17,6 +17,8 @@ from pscover.perception.mask import Mask
 from pscover.perception.surface import Surface, fit_surface
 
 BoolImage = NDArray[np.bool_]
+LIGHT, NOISE = 75.0, 4.0
+"""L of a surface on which the threshold is as given, and its least multiple of the surface's median distance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +28,9 @@ class ClothSettings:
     Parameters
     ----------
     threshold
-        Colour distance from which a pixel is cloth. The distance is that of CIE Lab with L weighted by `lightness`.
+        Colour distance from which a pixel is cloth, on a surface of L = 75 or more; on a darker one, or in less light, all
+        distances are smaller, and so is the threshold, in proportion, but not below four times the surface's noise. The
+        distance is that of CIE Lab with L weighted by `lightness`.
     lightness
         Weight of L; less than 1, for a shadow on the surface is darker, not of another colour.
     median
@@ -89,12 +93,15 @@ class ClothMap:
         The region of interest, shape (H, W).
     surface
         The model of the surface.
+    threshold
+        The distance from which a pixel was taken for cloth.
     """
 
     cloth: BoolImage
     distance: FloatImage
     inside: BoolImage
     surface: Surface
+    threshold: float
 
     @property
     def share(self) -> float:
@@ -151,8 +158,15 @@ def cloth_map(
     )
     distance = surface.distance(image)
     distance.setflags(write=False)
-    cloth = majority((distance > using.threshold) & region, using.kernel, using.rounds) & region
-    return ClothMap(cloth=_frozen(cloth), distance=distance, inside=_frozen(region), surface=surface)
+    threshold = _threshold(using.threshold, surface.lightness, distance[region])
+    cloth = majority((distance > threshold) & region, using.kernel, using.rounds) & region
+    return ClothMap(cloth=_frozen(cloth), distance=distance, inside=_frozen(region), surface=surface, threshold=threshold)
+
+
+def _threshold(highest: float, lightness: float, distances: FloatImage) -> float:
+    ground = distances[distances < highest]
+    noise = float(np.median(ground)) if len(ground) else 0.0
+    return min(highest, max(highest * lightness / LIGHT, NOISE * noise))
 
 
 def majority(bits: BoolImage, kernel: int, rounds: int = 2) -> BoolImage:
@@ -215,7 +229,7 @@ def _is_surface(mask: Mask, pixelwise: ClothMap, settings: ClothSettings) -> boo
     large = area > settings.surface_share * np.count_nonzero(pixelwise.inside)
     if not large and _sides(mask, inside, pixelwise.inside) < settings.surface_sides:
         return False
-    return bool(np.median(pixelwise.distance[mask.window][inside]) < settings.threshold)
+    return bool(np.median(pixelwise.distance[mask.window][inside]) < pixelwise.threshold)
 
 
 def _sides(mask: Mask, bits: BoolImage, inside: BoolImage) -> int:

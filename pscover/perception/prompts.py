@@ -33,16 +33,16 @@ def interior_points(unexplained: NDArray[np.bool_], count: int, reach: float, th
     >>> interior_points(cloth, 5, 4.0, 1.5).tolist()
     [[3, 3], [3, 9]]
     """
-    left = np.pad(unexplained, 1)
-    rows, columns = np.ogrid[: left.shape[0], : left.shape[1]]
+    rows, columns = np.ogrid[: unexplained.shape[0] + 2, : unexplained.shape[1] + 2]
     found: list[tuple[int, int]] = []
+    depth = distance_transform_edt(np.pad(unexplained, 1))
     while len(found) < count:
-        depth = distance_transform_edt(left)
         row, column = np.unravel_index(int(depth.argmax()), depth.shape)
         widest = float(depth[row, column])
         if widest < thinnest:
             break
         found.append((int(row) - 1, int(column) - 1))
         radius = min(widest, reach)
-        left[(rows - row) ** 2 + (columns - column) ** 2 <= radius**2] = False
+        # The rim of what is left is now that of before or that of the disc.
+        depth = np.minimum(depth, np.hypot(rows - row, columns - column) - radius)
     return np.array(found, dtype=np.intp).reshape(-1, 2)

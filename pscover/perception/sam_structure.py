@@ -15,6 +15,7 @@ from typing import Any
 
 from pscover.errors import InvalidImage
 from pscover.perception.promptable import PIXEL_DEVIATION, PIXEL_MEAN
+from pscover.perception.tiny_vit import MARK, tiny_vit
 from pscover.perception.torchvision_stand_in import segment_anything
 
 ENCODER = "image_encoder."
@@ -107,10 +108,8 @@ def build_sam(state: dict[str, Any]) -> Any:
 
 def _encoder(state: dict[str, Any]) -> Any:
     """The image encoder with these weights: TinyViT or a plain vision transformer."""
-    from pscover.perception import tiny_vit
-
-    if tiny_vit.STATE in state:
-        return tiny_vit.TinyViT(state)
+    if MARK in state:
+        return tiny_vit(state)
     import torch
     from segment_anything.modeling import ImageEncoderViT
 

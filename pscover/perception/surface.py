@@ -2,8 +2,7 @@
 
 The surface has one or a few colours (a tablecloth, a floor with tape on it). Each of them varies smoothly over the
 picture (lamps, vignetting, glare), as a quadratic function of x and y, fitted by trimmed least squares to the pixels that
-look like it. On the photos of T-shirts that come with the project's research this raised the intersection over union of the
-cloth map from 0.74 (constant colour) to 0.86.
+look like it.
 """
 
 from __future__ import annotations
@@ -54,6 +53,12 @@ class Surface:
     weights: NDArray[np.float32]
     colours: FloatArray
     empty: FloatImage | None = None
+
+    @property
+    def lightness(self) -> float:
+        """L in the middle of the picture, of the lightest colour."""
+        below = 0.0 if self.empty is None else float(np.median(self.empty[:, :, 0]))
+        return float(self.colours[:, 0, 0].max()) + below
 
     def distance(self, image: FloatImage) -> FloatImage:
         """Colour distance of each pixel of a Lab image to the nearest colour of the surface, shape (H, W)."""

@@ -16,6 +16,7 @@ from pscover.errors import InvalidSettings, Refused
 from pscover.perception.models import stamp
 from pscover.perception.promptable import Decoded, Frame
 from pscover.perception.sam_structure import load_sam
+from pscover.perception.torchvision_stand_in import segment_anything
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,6 +44,7 @@ class TorchSam:
         InvalidSettings, Refused
             For an unknown device, and for one that is not there.
         """
+        segment_anything()
         return _loaded(checkpoint, stamp(checkpoint), usable(device))
 
     def embed(self, photo: NDArray[np.uint8]) -> TorchPhoto:

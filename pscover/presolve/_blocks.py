@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array, vstack
 
-from ._sparse import row_of, spread
+from ._sparse import FloatArray, IntArray, Mask, Rows, row_of, spread
 from ._view import View
-from .change import FloatArray, IntArray, Mask
 
 SMALL = 64
 """Cliques up to this size are compared all with all, larger ones with the best found so far."""
@@ -37,7 +36,7 @@ class _Table:
     width: IntArray
 
 
-def blocks(view: View, cliques: csr_array) -> Iterator[tuple[IntArray, FloatArray]]:
+def blocks(view: View, cliques: Rows) -> Iterator[tuple[IntArray, FloatArray]]:
     """Members and values of cliques of at least two members.
 
     Yields
@@ -50,10 +49,13 @@ def blocks(view: View, cliques: csr_array) -> Iterator[tuple[IntArray, FloatArra
     table = _table(view, cliques)
     sizes = np.diff(cliques.indptr).astype(np.int64)
     kind = _steps(sizes) * 64 + _steps(table.width)
+    largest, widest = int(sizes.max(initial=0)), int(table.width.max(initial=0))
+    if largest <= SMALL and len(sizes) * largest * largest * widest <= CELLS:
+        kind[:] = 0
     order = np.lexsort((kind,))
     order = order[sizes[order] >= 2]
     edges = np.flatnonzero(np.diff(kind[order], prepend=-1, append=-1))
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges.tolist()):
         size = int(sizes[order[low:high]].max())
         width = int(table.width[order[low:high]].max())
         many = max(1, CELLS // (size * max(width, min(size, SMALL))))
@@ -98,6 +100,8 @@ def _skyline(members: IntArray, values: FloatArray) -> tuple[IntArray, IntArray]
             gone, winner = _beaten(points[:, best], points[:, chunk])
             found.append((columns[chunk[gone]], columns[best[winner]]))
             chunk = np.delete(chunk, gone)
+            if not len(chunk):
+                continue
             # Members of a chunk are in order of falling sum, so that of equal ones the first column comes first.
             gone, winner = pareto(chunk[None, :], points[None, :, chunk])
             found.append((columns[gone], columns[winner]))
@@ -111,23 +115,30 @@ def _beaten(best: FloatArray, points: FloatArray) -> tuple[IntArray, IntArray]:
     for mine, its in zip(best, points, strict=True):
         over &= mine[:, None] >= its[None, :]
     gone = np.flatnonzero(over.any(axis=0))
-    return gone, over[:, gone].argmax(axis=0)
+    return gone, over[:, gone].argmax(axis=0) if len(gone) else gone
 
 
-def _table(view: View, cliques: csr_array) -> _Table:
-    parts = [view.W, -view.P]
+def _table(view: View, cliques: Rows) -> _Table:
+    m, p = view.W.shape[0], view.P.shape[0]
+    keys, slots, values = [], [], []
+    clique = row_of(cliques)
+    for items, first, sign in ((view.columns, 0, 1.0), (view.packing, m, -1.0)):
+        begin = items.starts[cliques.indices]
+        spots, slot = spread(begin, items.starts[cliques.indices + 1] - begin)
+        keys.append(clique[slot] * (m + p + 1) + first + items.coordinates[spots])
+        slots.append(slot)
+        values.append(sign * items.values[spots])
     if (view.c != view.c[0]).any():
-        parts.append(csr_array(-view.c[None, :]))
-    M = csc_array(vstack(parts, format="csc"))
-    counts = np.diff(M.indptr)[cliques.indices]
-    spots, slot = spread(M.indptr[cliques.indices], counts)
-    key = row_of(cliques)[slot] * M.shape[0] + M.indices[spots]
+        keys.append(clique * (m + p + 1) + m + p)
+        slots.append(np.arange(cliques.nnz))
+        values.append(-view.c[cliques.indices])
+    key = np.concatenate(keys)
     order = np.argsort(key, kind="stable")
-    key, slot, value = key[order], slot[order], M.data[spots][order]
+    key, slot, value = key[order], np.concatenate(slots)[order], np.concatenate(values)[order]
     new = np.diff(key, prepend=-1) > 0
     starts = np.flatnonzero(new)
     sizes = np.diff(cliques.indptr)
-    of = key[starts] // M.shape[0]
+    of = key[starts] // (m + p + 1)
     # A coordinate in which all members agree decides nothing: the clique itself, for one.
     useful = np.diff(starts, append=len(key)) < sizes[of]
     if len(starts):
@@ -140,7 +151,7 @@ def _table(view: View, cliques: csr_array) -> _Table:
     return _Table(slot=slot[inside], number=number[which[inside]], value=value[inside], start=start, width=width)
 
 
-def _block(cliques: csr_array, table: _Table, chosen: IntArray, size: int, width: int) -> tuple[IntArray, FloatArray]:
+def _block(cliques: Rows, table: _Table, chosen: IntArray, size: int, width: int) -> tuple[IntArray, FloatArray]:
     begin = cliques.indptr[chosen]
     count = cliques.indptr[chosen + 1] - begin
     members = np.full((len(chosen), size), -1, dtype=np.int64)

@@ -8,16 +8,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array
 
-from ._sparse import only_rows, row_of
-from .change import TOLERANCE, FloatArray, IntArray, Mask
+from ._sparse import FloatArray, IntArray, Mask, Rows, only_rows, row_of
+from .change import TOLERANCE
 
 ORDERS = 3
 """Partitions tried where cliques overlap: the largest clique first, the smallest first, the last first."""
 
 
-def is_clique(P: csr_array) -> Mask:
+def is_clique(P: Rows) -> Mask:
     """Packing rows of at least two columns any two of which exceed the capacity: the two smallest do."""
     sizes = np.diff(P.indptr)
     good = np.zeros(len(sizes), dtype=np.bool_)
@@ -34,13 +33,13 @@ def is_clique(P: csr_array) -> Mask:
     return good
 
 
-def clique_rows(P: csr_array) -> csr_array:
+def clique_rows(P: Rows) -> Rows:
     """The packing rows that are cliques."""
     good = is_clique(P)
     return P if good.all() else only_rows(P, good)
 
 
-def partitions(P: csr_array) -> Iterator[IntArray]:
+def partitions(P: Rows) -> Iterator[IntArray]:
     """Ways to put each column into one of its cliques: group numbers, shape (columns,).
 
     One way where no column is in two cliques. A column in no clique is a group of its own; numbers are below
@@ -88,21 +87,16 @@ class Runs:
     rows: int
 
     @classmethod
-    def of(cls, W: csr_array, group: IntArray) -> Runs:
+    def of(cls, W: Rows, group: IntArray) -> Runs:
         """Sort the entries of W by row and group."""
-        order = np.argsort(group, kind="stable")
-        if (order[1:] > order[:-1]).all():
-            A: Any = W
-            column = W.indices
-        else:
-            A = csr_array(csc_array(W)[:, order])
-            A.sort_indices()
-            column = order[A.indices]
-        row = row_of(A)
+        row, column, entry = row_of(W), W.indices, W.data
+        if not (np.diff(group[column]) >= 0)[np.diff(row) == 0].all():
+            order = np.argsort(row * (int(group.max(initial=0)) + 1) + group[column], kind="stable")
+            row, column, entry = row[order], column[order], entry[order]
         of = group[column]
         new = (np.diff(row, prepend=-1) > 0) | (np.diff(of, prepend=-1) != 0)
         start = np.flatnonzero(new)
-        return cls(group=group, column=column, entry=A.data, start=start, row=row[start], rows=W.shape[0])
+        return cls(group=group, column=column, entry=entry, start=start, row=row[start], rows=W.shape[0])
 
     def most(self, entry: FloatArray | None = None) -> FloatArray:
         """The largest entry of each run."""
@@ -111,7 +105,8 @@ class Runs:
 
     def supply(self, entry: FloatArray | None = None) -> FloatArray:
         """For each row the most that a plan can supply: the sum over its groups of the largest entry."""
-        return np.bincount(self.row, self.most(entry), self.rows)
+        supply: FloatArray = np.bincount(self.row, self.most(entry), self.rows).astype(np.float64)
+        return supply
 
     def run(self) -> IntArray:
         """The run of each entry."""

@@ -9,17 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._sparse import spread
-from .change import FloatArray, IntArray, Mask, Over
+from ._sparse import FloatArray, IntArray, Mask, spread
+from .change import Over
 
 WORDS = 16
 """Most 64-bit words of a signature: exact for up to 1024 coordinates."""
 LISTED = 512
 """Most items compared with one item, those of the largest sum first."""
+SLICES = ((0, 32), (32, LISTED))
+"""The first of these are looked at for all items before the rest are for those that nothing was found for."""
 CHUNK = 1 << 19
 """Pairs looked at at a time."""
 PATIENCE = 1 << 21
@@ -28,7 +32,7 @@ YIELD = 1 / 2000
 """Fewer finds than this for each pair looked at are too little."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Items:
     """Sparse vectors, item after item: coordinates (sorted within an item) and values.
 
@@ -48,19 +52,29 @@ class Items:
     def __len__(self) -> int:
         return len(self.starts) - 1
 
+    @cached_property
     def owner(self) -> IntArray:
         """The item of each entry."""
         return np.repeat(np.arange(len(self)), np.diff(self.starts))
 
+    @cached_property
     def sums(self) -> FloatArray:
         """The sum of each item's values."""
-        return np.bincount(self.owner(), self.values, len(self))
+        sums: FloatArray = np.bincount(self.owner, self.values, len(self)).astype(np.float64)
+        return sums
 
-    @property
+    @cached_property
+    def keys(self) -> IntArray:
+        """One number for each entry, rising: its item, then its coordinate."""
+        keys: IntArray = self.owner * self.dimensions + self.coordinates
+        return keys
+
+    @cached_property
     def exact(self) -> bool:
         """Whether signatures decide alone: every coordinate has its own bit and every value is 1."""
         return self.dimensions <= 64 * WORDS and bool((self.values == 1).all())
 
+    @cached_property
     def signatures(self) -> NDArray[np.uint64]:
         """Bits of the supports, shape (words, items): a subset's bits are a subset.
 
@@ -74,7 +88,7 @@ class Items:
         where = self.coordinates.astype(np.int64)
         exact = self.dimensions <= 64 * words
         word = where >> 6 if exact else where * words // self.dimensions
-        owner = self.owner()
+        owner = self.owner
         starts = np.flatnonzero((np.diff(owner, prepend=-1) > 0) | (np.diff(word, prepend=-1) != 0))
         signature[word[starts], owner[starts]] = np.bitwise_or.reduceat(_bit(where & 63), starts)
         if words == 1 and exact:
@@ -99,7 +113,7 @@ class Lookup:
 
     def __init__(self, items: Items) -> None:
         self.items = items
-        self.keys = items.owner() * items.dimensions + items.coordinates
+        self.keys = items.keys
 
     def values_at(self, item: IntArray, coordinate: IntArray) -> FloatArray:
         """Values, 0 where the item lacks the coordinate."""
@@ -145,12 +159,12 @@ class Effort:
 
 
 def likely_pairs(
-    items: Items, among: Mask, price: FloatArray, effort: Effort, over: Over
+    items: Items, among: Mask, undecided: Mask, price: FloatArray, effort: Effort, over: Over
 ) -> Iterator[tuple[IntArray, IntArray]]:
     """Chunks of pairs (inner, outer) that contain all with outer over inner, but for the limits of effort.
 
-    The pairs of an inner item are together, in the order of falling sums of outer, and price[outer] <= price[inner].
-    Items with the fewest pairs come first.
+    Within a chunk the pairs of an inner item are together, in the order of falling sums of outer, and
+    price[outer] <= price[inner]. Items with the fewest pairs come first.
 
     Parameters
     ----------
@@ -158,6 +172,8 @@ def likely_pairs(
         The vectors.
     among
         Which items may be outer.
+    undecided
+        For which inner items pairs are wanted; the caller takes out those it is done with.
     price
         A further coordinate in which outer must be at most inner.
     effort
@@ -168,38 +184,41 @@ def likely_pairs(
     nonempty = np.flatnonzero(np.diff(items.starts) > 0)
     if not len(nonempty):
         return
-    bits = items.signatures()
+    bits = items.signatures
     listed, begin, count = _lists(items, among)
-    coordinate, owner = items.coordinates, items.owner()
+    coordinate, owner = items.coordinates, items.owner
     least = np.minimum.reduceat(count, items.starts[:-1][nonempty])
     holder = np.flatnonzero(count == np.repeat(least, np.diff(items.starts)[nonempty]))
     pivot = coordinate[holder[np.diff(owner[holder], prepend=-1) > 0]]
     order = np.argsort(least, kind="stable")
-    order = order[least[order] > 0]
-    inner, start, counts = nonempty[order], begin[pivot[order]], np.minimum(least[order], LISTED)
-    total = np.cumsum(counts)
-    edges = np.unique(np.append(np.searchsorted(total, np.arange(0, counts.sum(), CHUNK)), len(counts)))
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
-        if over() or effort.is_wasted():
-            return
-        spots, at = spread(start[low:high], counts[low:high])
-        a, b = inner[low:high][at], listed[spots]
-        effort.looked += len(a)
-        keep = ((bits[0][a] & ~bits[0][b]) == 0) & (a != b)
-        a, b = a[keep], b[keep]
-        keep = price[b] <= price[a]
-        a, b = a[keep], b[keep]
-        for word in bits[1:]:
-            good = (word[a] & ~word[b]) == 0
-            a, b = a[good], b[good]
-        yield a, b
+    inner, start, counts = nonempty[order], begin[pivot[order]], least[order]
+    for first, last in SLICES:
+        some = (counts > first) & undecided[inner]
+        a, begin = inner[some], start[some] + first
+        size = np.minimum(counts[some], last) - first
+        edges = np.searchsorted(np.cumsum(size), np.arange(0, size.sum(), CHUNK))
+        for low, high in pairwise(np.unique(np.append(edges, len(a))).tolist()):
+            if over() or effort.is_wasted():
+                return
+            spots, at = spread(begin[low:high], size[low:high])
+            effort.looked += len(at)
+            yield _unrefused(a[low:high][at], listed[spots], bits, price)
+
+
+def _unrefused(a: IntArray, b: IntArray, bits: NDArray[np.uint64], price: FloatArray) -> tuple[IntArray, IntArray]:
+    """The pairs that neither signatures nor prices refuse."""
+    for word in bits:
+        good = np.flatnonzero((word[a] & ~word[b]) == 0)
+        a, b = a[good], b[good]
+    good = np.flatnonzero((a != b) & (price[b] <= price[a]))
+    return a[good], b[good]
 
 
 def _lists(items: Items, among: Mask) -> tuple[IntArray, IntArray, IntArray]:
     """The items of each coordinate by falling sum, where each list begins, and for each entry of an item how long the
     part of its coordinate's list is that has at least the item's sum."""
     n = len(items)
-    owner, sums = items.owner(), items.sums()
+    owner, sums = items.owner, items.sums
     falling = np.argsort(-sums, kind="stable")
     rank = np.empty(n, dtype=np.int64)
     rank[falling] = np.cumsum(np.diff(sums[falling], prepend=np.inf) < 0)

@@ -5,29 +5,28 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array
-
-from pscover.model import CoverForm
+from scipy.sparse import csc_array
 
 from ._groups import Runs, clique_rows, partitions
+from ._sparse import FloatArray, Mask, Rows, row_of
 from ._supersets import Items
-from .change import FloatArray, Mask
 
 
 class View:
-    """A form whose columns are all allowed and whose matrices are canonical without zeros.
+    """A form whose columns are all allowed.
 
     Parameters
     ----------
-    form
-        The form; it is not changed.
+    c
+        Costs.
+    W, P
+        Covering and packing rows.
     """
 
-    def __init__(self, form: CoverForm) -> None:
-        self.form = form
-        self.c: FloatArray = form.c
-        self.W: csr_array = form.W
-        self.P: csr_array = form.P
+    def __init__(self, c: FloatArray, W: Rows, P: Rows) -> None:
+        self.c = c
+        self.W = W
+        self.P = P
 
     @cached_property
     def columns(self) -> Items:
@@ -46,7 +45,7 @@ class View:
         return Items(starts=W.indptr, coordinates=W.indices, values=W.data, dimensions=W.shape[1])
 
     @cached_property
-    def cliques(self) -> csr_array:
+    def cliques(self) -> Rows:
         """The packing rows that are cliques."""
         return clique_rows(self.P)
 
@@ -64,7 +63,15 @@ class View:
         return free
 
 
-def _columns(A: csr_array) -> Items:
-    B = csc_array(A)
-    B.sort_indices()
+def _columns(A: Rows) -> Items:
+    if A.nnz <= SMALL:
+        order = np.argsort(A.indices, kind="stable")
+        starts = np.searchsorted(A.indices[order], np.arange(A.shape[1] + 1)).astype(np.int32)
+        rows = row_of(A)[order].astype(np.int32)
+        return Items(starts=starts, coordinates=rows, values=A.data[order], dimensions=A.shape[0])
+    B = csc_array(A.csr())
     return Items(starts=B.indptr, coordinates=B.indices, values=B.data, dimensions=A.shape[0])
+
+
+SMALL = 20_000
+"""Up to this many entries sorting is quicker than SciPy's conversion."""

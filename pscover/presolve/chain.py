@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from pscover.errors import UnknownName
 from pscover.model import CoverForm
 
 from ._fix import take
-from ._sparse import canonical, only_columns, only_rows
+from ._sparse import IntArray, Mask, Rows, only_columns, only_rows, with_data
 from ._view import View
-from .change import Change, IntArray, Mask, Over, Touch, never, nothing
+from .change import Change, Over, Touch, never, nothing
 from .clique_dominance import clique_dominance
 from .cliques import cliques
 from .cover_dominance import cover_dominance
@@ -36,6 +35,8 @@ class Step:
 
     apply: Callable[[View, Over], Change]
     after: Touch
+    late: bool = False
+    """Whether to wait until the other steps find nothing more, unless the form is large."""
 
 
 SHAPE = Touch.ROWS | Touch.ENTRIES | Touch.PACKING
@@ -51,7 +52,7 @@ STEPS: dict[str, Step] = {
     "row-dominance": Step(row_dominance, Touch.COLUMNS | Touch.ENTRIES),
     "identical": Step(identical, SHAPE | Touch.LOOSENED),
     "cover-dominance": Step(cover_dominance, SHAPE | Touch.LOOSENED),
-    "demand": Step(demand, SUPPLY),
+    "demand": Step(demand, SUPPLY, late=True),
 }
 """The steps by name."""
 DEFAULT = tuple(STEPS)
@@ -59,7 +60,7 @@ DEFAULT = tuple(STEPS)
 
 LARGE = 50_000
 """A form with more non-zeros is given up when a round of all steps removes less than `WORTH` of them."""
-WORTH = 0.02
+WORTH = 0.05
 
 
 def presolve(form: CoverForm, *, steps: Sequence[str] = DEFAULT, over: Over = never) -> Reduced:
@@ -88,6 +89,7 @@ def presolve(form: CoverForm, *, steps: Sequence[str] = DEFAULT, over: Over = ne
 
     Examples
     --------
+    >>> from scipy.sparse import csr_array
     >>> W = csr_array(np.array([[0.6, 0.5, 0.0], [0.0, 0.5, 1.0]]))
     >>> P = csr_array(np.array([[1.0, 0.0, 1.0]]))
     >>> form = CoverForm(c=np.ones(3), W=W, P=P, allowed=np.ones(3, dtype=bool))
@@ -104,15 +106,16 @@ def presolve(form: CoverForm, *, steps: Sequence[str] = DEFAULT, over: Over = ne
     work = _Work(form)
     due = dict.fromkeys(steps, True)
     while not work.is_done and any(due.values()) and not over():
-        size = work.form.W.nnz
+        size = work.view.W.nnz
         for name in steps:
             if work.is_done or over():
                 break
-            if due[name]:
+            waits = STEPS[name].late and any(due[other] for other in due if other != name)
+            if due[name] and (work.view.W.nnz > LARGE or not waits):
                 due[name] = False
                 touched = work.run(name, over)
                 due = {other: due[other] or bool(touched & STEPS[other].after) for other in due}
-        if work.form.W.nnz > max(LARGE, (1 - WORTH) * size):
+        if work.view.W.nnz > max(LARGE, (1 - WORTH) * size):
             break
     return work.result()
 
@@ -121,10 +124,10 @@ class _Work:
     """A form that shrinks, and where its rows and columns came from."""
 
     def __init__(self, form: CoverForm) -> None:
-        W, P = canonical(form.W), canonical(form.P)
-        W.data = np.minimum(W.data, 1.0)
+        W = Rows.of(form.W)
+        W = with_data(W, np.minimum(W.data, 1.0))
         allowed = np.asarray(form.allowed, dtype=np.bool_)
-        self.form = CoverForm(c=np.asarray(form.c, dtype=np.float64), W=W, P=P, allowed=allowed)
+        self.view = View(np.asarray(form.c, dtype=np.float64), W, Rows.of(form.P))
         self.columns = np.arange(len(form.c))
         self.rows = np.arange(W.shape[0])
         self.stand_in = np.where(allowed, self.columns, -1)
@@ -132,7 +135,6 @@ class _Work:
         self.fixed_cost = 0.0
         self.infeasible_row: int | None = None
         self.log: list[Applied] = []
-        self.view = View(self.form)
         if not allowed.all():
             self._keep(np.ones(len(self.rows), dtype=np.bool_), allowed)
 
@@ -145,8 +147,6 @@ class _Work:
         """Apply one step; what it changed."""
         began = perf_counter()
         rows, columns = len(self.rows), len(self.columns)
-        if self.view.form is not self.form:
-            self.view = View(self.form)
         change = STEPS[name].apply(self.view, over)
         touched = Touch(0)
         if not change.is_none:
@@ -162,13 +162,11 @@ class _Work:
         if change.infeasible_row is not None:
             self.infeasible_row = int(self.rows[change.infeasible_row])
             return
-        form = self.form
-        columns = np.ones(len(form.c), dtype=np.bool_) if change.columns is None else change.columns
+        view = self.view
+        columns = np.ones(len(view.c), dtype=np.bool_) if change.columns is None else change.columns
         rows = np.ones(len(self.rows), dtype=np.bool_) if change.rows is None else change.rows
         if change.W is not None or change.P is not None:
-            W = form.W if change.W is None else change.W
-            P = form.P if change.P is None else canonical(change.P)
-            self.form = CoverForm(c=form.c, W=W, P=P, allowed=form.allowed)
+            self.view = View(view.c, view.W if change.W is None else change.W, view.P if change.P is None else change.P)
         if change.stand_in is not None:
             self._replace(columns, change.stand_in)
         if len(change.take):
@@ -186,44 +184,41 @@ class _Work:
         target[self.columns] = self.columns
         target[self.columns[gone]] = self.columns[end[gone]]
         known = self.stand_in >= 0
-        moved = target[self.stand_in[known]]
-        self.stand_in[known] = np.where(moved >= 0, moved, self.stand_in[known])
+        self.stand_in[known] = target[self.stand_in[known]]
 
     def _take(self, change: Change, rows: Mask, columns: Mask) -> tuple[Mask, Mask]:
-        left = take(self.form, change.take)
+        left = take(self.view, change.take)
         if left.broken >= 0:
             reason = change.because[change.take == left.broken]
             self.infeasible_row = int(self.rows[reason[0]])
             return rows, columns
         self.forced.append(self.columns[change.take])
-        self.fixed_cost += float(self.form.c[change.take].sum())
-        self.form = CoverForm(c=self.form.c, W=left.W, P=left.P, allowed=self.form.allowed)
+        self.fixed_cost += float(self.view.c[change.take].sum())
+        self.view = View(self.view.c, left.W, left.P)
         return rows & ~left.met, columns & left.free
 
     def _keep(self, rows: Mask, columns: Mask) -> None:
         if rows.all() and columns.all():
             return
-        form = self.form
-        W, P = form.W, form.P
+        c, W, P = self.view.c, self.view.W, self.view.P
         if not rows.all():
             W = only_rows(W, rows)
             self.rows = self.rows[rows]
-        c, allowed = form.c, form.allowed
         if not columns.all():
-            W, P = only_columns(W, columns), only_columns(P, columns)
-            c, allowed = c[columns], allowed[columns]
+            c, W, P = c[columns], only_columns(W, columns), only_columns(P, columns)
             self.columns = self.columns[columns]
-        self.form = CoverForm(c=c, W=W, P=P, allowed=allowed)
+        self.view = View(c, W, P)
 
     def result(self) -> Reduced:
         """What is left."""
+        view = self.view
         status = Outcome.SOLVED if not len(self.rows) else Outcome.REDUCED
         chosen = np.sort(np.concatenate([nothing(), *self.forced]))
         alive = np.zeros(len(self.stand_in) + 1, dtype=np.bool_)
         alive[self.columns] = True
         alive[chosen] = True
         return Reduced(
-            form=self.form,
+            form=CoverForm(c=view.c, W=view.W.csr(), P=view.P.csr(), allowed=np.ones(len(view.c), dtype=np.bool_)),
             fixed_cost=self.fixed_cost,
             status=Outcome.INFEASIBLE if self.infeasible_row is not None else status,
             columns=self.columns,

@@ -14,12 +14,9 @@ from enum import Flag, auto
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
-FloatArray: TypeAlias = NDArray[np.float64]
-IntArray: TypeAlias = NDArray[np.int64]
-Mask: TypeAlias = NDArray[np.bool_]
+from ._sparse import IntArray, Mask, Rows
+
 Over: TypeAlias = Callable[[], bool]
 
 TOLERANCE = 1e-9
@@ -84,8 +81,8 @@ class Change:
     take: IntArray = field(default_factory=nothing)
     because: IntArray = field(default_factory=nothing)
     rows: Mask | None = None
-    W: csr_array | None = None
-    P: csr_array | None = None
+    W: Rows | None = None
+    P: Rows | None = None
     infeasible_row: int | None = None
     loosened: bool = False
 

@@ -15,16 +15,16 @@ Cliques over few covering rows, as those of a partition, are compared as dense b
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from ._blocks import blocks, pareto
-from ._sparse import only_rows
+from ._sparse import IntArray, Mask, Rows, only_rows, row_of, spread
 from ._supersets import CHUNK, LISTED, Effort, Items, Lookup
 from ._view import View
-from .change import Change, IntArray, Mask, Over
+from .change import Change, Over
 
 NARROW = 64
 """A clique whose members cover at most this many rows in all is compared as a dense block."""
@@ -36,7 +36,7 @@ def clique_dominance(view: View, over: Over) -> Change:
     if not cliques.shape[0]:
         return Change()
     keep, stand_in = np.ones(len(view.c), dtype=np.bool_), np.arange(len(view.c))
-    bits = view.columns.signatures()
+    bits = view.columns.signatures
     narrow = _rows_touched(bits, cliques) <= NARROW
     for members, values in blocks(view, only_rows(cliques, narrow)):
         if over():
@@ -52,7 +52,7 @@ def clique_dominance(view: View, over: Over) -> Change:
     return Change(columns=keep, stand_in=stand_in)
 
 
-def _rows_touched(bits: NDArray[np.uint64], cliques: csr_array) -> IntArray:
+def _rows_touched(bits: NDArray[np.uint64], cliques: Rows) -> IntArray:
     """How many covering rows the members of each clique have (for more than 1024 rows: at least)."""
     count = np.zeros(cliques.shape[0], dtype=np.int64)
     for word in bits[min(1, len(bits) - 1) :]:
@@ -61,25 +61,25 @@ def _rows_touched(bits: NDArray[np.uint64], cliques: csr_array) -> IntArray:
     return count
 
 
-def _pairs(cliques: csr_array, items: Items, effort: Effort, over: Over) -> Iterator[tuple[IntArray, IntArray]]:
-    """Chunks of pairs (a, b) of a common clique, the sum of b at least that of a; per clique the largest b only."""
-    sums = items.sums()
-    some: list[tuple[IntArray, IntArray]] = []
-    count = 0
-    for begin, end in zip(cliques.indptr[:-1], cliques.indptr[1:], strict=True):
-        members = cliques.indices[begin:end].astype(np.int64)
-        members = members[np.argsort(-sums[members], kind="stable")]
-        best = members[:LISTED]
-        some.append((np.repeat(members, len(best)), np.tile(best, len(members))))
-        count += len(members) * len(best)
-        if count >= CHUNK or end == cliques.indptr[-1]:
-            if over() or effort.is_wasted():
-                return
-            a, b = np.concatenate([a for a, _ in some]), np.concatenate([b for _, b in some])
-            effort.looked += count
-            later = (a != b) & (sums[b] >= sums[a])
-            yield a[later], b[later]
-            some, count = [], 0
+def _pairs(cliques: Rows, items: Items, effort: Effort, over: Over) -> Iterator[tuple[IntArray, IntArray]]:
+    """Chunks of pairs (a, b) of a common clique, the sum of b at least that of a; per a the largest b only."""
+    clique, sums = row_of(cliques), items.sums[cliques.indices]
+    order = np.lexsort((-sums, clique))
+    members, sums = cliques.indices[order].astype(np.int64), sums[order]
+    # Members of equal sum follow each other: each is compared with all up to the last of its equals.
+    new = (np.diff(clique, prepend=-1) > 0) | (np.diff(sums, prepend=-1.0) != 0)
+    last = np.append(np.flatnonzero(new)[1:], len(members))[np.cumsum(new) - 1]
+    begin = cliques.indptr[clique].astype(np.int64)
+    size = np.minimum(last - begin, LISTED)
+    edges = np.searchsorted(np.cumsum(size), np.arange(0, size.sum(), CHUNK))
+    for low, high in pairwise(np.unique(np.append(edges, len(members))).tolist()):
+        if over() or effort.is_wasted():
+            return
+        spots, at = spread(begin[low:high], size[low:high])
+        effort.looked += len(at)
+        a, b = members[low:high][at], members[spots]
+        different = a != b
+        yield a[different], b[different]
 
 
 class _Pairs:

@@ -15,16 +15,15 @@ Source: Padberg 1973; Atamtürk, Nemhauser, Savelsbergh 2000; Brito and Santos 2
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array, vstack
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_array
 
 from pscover.cliques import Cliques, merge_edges
 
 from ._groups import is_clique
-from ._sparse import canonical, only_rows
+from ._sparse import IntArray, Rows, only_rows, stacked, with_data
 from ._supersets import Effort, Items, Lookup, likely_pairs
 from ._view import View
-from .change import Change, IntArray, Over
+from .change import Change, Over
 
 PAIRS = 200_000
 """Rows are merged only if they hold at most this many pairs, not counting those that merge completely."""
@@ -43,24 +42,27 @@ def cliques(view: View, over: Over) -> Change:
     new = _merged(_ones(old), over) if overlap else _ones(old)
     if _same(old, new):
         return Change()
-    return Change(P=csr_array(vstack([new, only_rows(P, ~good)], format="csr")))
+    return Change(P=stacked([new, only_rows(P, ~good)]))
 
 
-def _merged(rows: csr_array, over: Over) -> csr_array:
+def _merged(rows: Rows, over: Over) -> Rows:
     """The same conflicts in maximal cliques, as far as time and size allow."""
     whole, rest = _whole(rows)
     if 0 < Cliques.flat(rest.indptr, rest.indices).pair_count() <= PAIRS and not over():
         larger = only_rows(rest, np.diff(rest.indptr) > 2)
         merged = merge_edges(Cliques.flat(rest.indptr, rest.indices).pairs()).matrix(rows.shape[1])
-        rest = csr_array(vstack([merged, larger], format="csr"))
-    return canonical(vstack([whole, _uncontained(rest, over)], format="csr"))
+        rest = stacked([Rows.of(merged), larger])
+    return stacked([whole, _uncontained(rest, over)])
 
 
-def _whole(rows: csr_array) -> tuple[csr_array, csr_array]:
+def _whole(rows: Rows) -> tuple[Rows, Rows]:
     """Parts of the conflict graph all of whose columns exclude each other, as one clique each, and the rows of the rest."""
     if int((np.diff(rows.indptr).astype(np.int64) ** 2).sum()) > PAIRS_AT_ONCE:
         return only_rows(rows, np.zeros(rows.shape[0], dtype=np.bool_)), rows
-    graph = csr_array(rows.T @ rows)
+    from scipy.sparse.csgraph import connected_components
+
+    A = rows.csr()
+    graph = csr_array(A.T @ A)
     count, label = connected_components(graph, directed=False)
     size = np.bincount(label, minlength=count)
     degree: IntArray = np.diff(graph.indptr)
@@ -68,17 +70,18 @@ def _whole(rows: csr_array) -> tuple[csr_array, csr_array]:
     complete &= size > 1
     member = np.flatnonzero(complete[label])
     number = np.cumsum(complete) - 1
-    whole = csr_array((np.ones(len(member)), (number[label[member]], member)), shape=(int(complete.sum()), rows.shape[1]))
+    pattern = (np.ones(len(member)), (number[label[member]], member))
+    whole = Rows.of(csr_array(pattern, shape=(int(complete.sum()), rows.shape[1])))
     first = rows.indices[rows.indptr[:-1]]
     return whole, only_rows(rows, ~complete[label[first]])
 
 
-def _uncontained(rows: csr_array, over: Over) -> csr_array:
+def _uncontained(rows: Rows, over: Over) -> Rows:
     items = Items(starts=rows.indptr, coordinates=rows.indices, values=rows.data, dimensions=rows.shape[1])
     sizes = np.diff(rows.indptr)
     lookup, effort = Lookup(items), Effort()
     keep = np.ones(len(items), dtype=np.bool_)
-    for inner, outer in likely_pairs(items, keep.copy(), np.zeros(len(items)), effort, over):
+    for inner, outer in likely_pairs(items, keep.copy(), keep, np.zeros(len(items)), effort, over):
         later = (sizes[outer] > sizes[inner]) | (outer < inner)
         inner, outer = inner[later], outer[later]
         keep[inner[lookup.confirm(inner, outer)]] = False
@@ -86,11 +89,11 @@ def _uncontained(rows: csr_array, over: Over) -> csr_array:
     return only_rows(rows, keep)
 
 
-def _ones(rows: csr_array) -> csr_array:
-    return csr_array((np.ones(rows.nnz), rows.indices, rows.indptr), shape=rows.shape)
+def _ones(rows: Rows) -> Rows:
+    return with_data(rows, np.ones(rows.nnz))
 
 
-def _same(old: csr_array, new: csr_array) -> bool:
+def _same(old: Rows, new: Rows) -> bool:
     """Whether two lists of rows are equal as sets."""
     if old.shape[0] != new.shape[0] or old.nnz != new.nnz or not (old.data == 1).all():
         return False
@@ -98,6 +101,6 @@ def _same(old: csr_array, new: csr_array) -> bool:
     return mine == its
 
 
-def _listed(rows: csr_array) -> set[bytes]:
+def _listed(rows: Rows) -> set[bytes]:
     indices = rows.indices.astype(np.int64)
     return {indices[a:b].tobytes() for a, b in zip(rows.indptr[:-1], rows.indptr[1:], strict=True)}

@@ -12,8 +12,7 @@ from scipy.sparse import csr_array
 
 from pscover.model import CoverForm
 
-from ._sparse import row_of
-from .change import IntArray
+from ._sparse import IntArray, row_of
 
 
 def components(form: CoverForm) -> list[tuple[CoverForm, IntArray]]:

@@ -17,9 +17,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ._sparse import IntArray
 from ._supersets import Effort, Items, Lookup, first_of_each, likely_pairs
 from ._view import View
-from .change import TOLERANCE, Change, IntArray, Over
+from .change import TOLERANCE, Change, Over
 
 MOST = 8
 """Most columns taken together against one."""
@@ -33,7 +34,7 @@ def cover_dominance(view: View, over: Over) -> Change:
     if not free.any():
         return Change()
     search, effort = _Search(items), Effort()
-    for i, k in likely_pairs(items, free, c, effort, over):
+    for i, k in likely_pairs(items, free, search.keep, c, effort, over):
         strict = (search.sums[k] > search.sums[i]) | (c[k] < c[i]) | ~free[i] | (k < i)
         search.look(i[strict], k[strict])
         effort.found = int((~search.keep).sum())
@@ -45,7 +46,7 @@ class _Search:
         self.items = items
         self.exact = items.exact
         self.lookup = Lookup(items)
-        self.sums = items.sums()
+        self.sums = items.sums
         self.keep = np.ones(len(items), dtype=np.bool_)
         self.stand_in = np.arange(len(items))
 
@@ -61,7 +62,7 @@ class _Search:
         _, spots, values = self.lookup.entries(i, k)
         covered = np.bincount(spots, values, len(self.items.values))
         short = np.zeros(len(self.keep), dtype=np.bool_)
-        short[self.items.owner()[covered < 1 - TOLERANCE + SAFE]] = True
+        short[self.items.owner[covered < 1 - TOLERANCE + SAFE]] = True
         self._drop(i[~short[i]], k[~short[i]])
 
     def _drop(self, i: IntArray, k: IntArray) -> None:

@@ -15,11 +15,10 @@ Rows with more than 4096 combinations are left alone. Source: Dietrich and Escud
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array
 
-from ._sparse import only_entries, row_of, with_data
+from ._sparse import FloatArray, IntArray, Mask, Rows, only_entries, row_of, with_data
 from ._view import View
-from .change import TOLERANCE, Change, FloatArray, IntArray, Mask, Over
+from .change import TOLERANCE, Change, Over
 
 COMBINATIONS = 4096
 """Most combinations of a row that are listed."""
@@ -70,7 +69,7 @@ def smallest_reachable(entries: FloatArray, group: IntArray) -> np.float64:
     return least
 
 
-def _short_rows(W: csr_array, partial: Mask, group: IntArray) -> Mask:
+def _short_rows(W: Rows, partial: Mask, group: IntArray) -> Mask:
     """Rows with entries below 1 and few combinations of them."""
     row = row_of(W)[partial]
     of = group[W.indices[partial]]

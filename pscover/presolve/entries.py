@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ._sparse import only_entries, row_of
+from ._sparse import IntArray, only_entries, row_of
 from ._view import View
-from .change import SHORT, Change, IntArray, Over, nothing
+from .change import SHORT, Change, Over, nothing
 
 
 def entries(view: View, over: Over) -> Change:

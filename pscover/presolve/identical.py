@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ._sparse import spread
+from ._sparse import IntArray, Mask, spread
 from ._supersets import Items
 from ._view import View
-from .change import TOLERANCE, Change, IntArray, Mask, Over
+from .change import TOLERANCE, Change, Over
 
 SAFE = 1e-10
 """Taken off the tolerance for the rounding of a supply of many copies."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pscover.model import CoverForm
 
-from .change import IntArray
+from ._sparse import IntArray
 
 
 class Outcome(StrEnum):

@@ -18,7 +18,8 @@ import numpy as np
 from pscover.model import CoverForm
 
 from ._groups import partitions
-from .change import FloatArray, IntArray, nothing
+from ._sparse import FloatArray, IntArray, Rows
+from .change import nothing
 
 SAFE = 1e-9
 """Relative margin for the rounding of bounds."""
@@ -62,7 +63,7 @@ def lagrangian(form: CoverForm, multipliers: FloatArray) -> tuple[FloatArray, fl
     """
     y = np.maximum(multipliers, 0.0)
     reduced = form.c - form.W.T @ y
-    return reduced, float(y.sum() + _gain(form, reduced, next(partitions(form.P))))
+    return reduced, float(y.sum() + _gain(form, reduced, next(partitions(Rows.of(form.P)))))
 
 
 def fix_by_reduced_cost(form: CoverForm, reduced: FloatArray, lower: float, upper: float, *, step: float = 0.0) -> Fixed:
@@ -84,9 +85,10 @@ def fix_by_reduced_cost(form: CoverForm, reduced: FloatArray, lower: float, uppe
         Costs of plans differ by at least this: 1 for whole costs.
     """
     limit = upper - step + SAFE * max(1.0, abs(upper))
-    constant = lower - _gain(form, reduced, next(partitions(form.P)))
+    groups = list(partitions(Rows.of(form.P)))
+    constant = lower - _gain(form, reduced, groups[0])
     zero, one = np.flatnonzero(~form.allowed), nothing()
-    for group in partitions(form.P):
+    for group in groups:
         bound = constant + _gain(form, reduced, group)
         best, least, second = _two_least(form, reduced, group)
         floor = np.zeros(int(group.max(initial=-1)) + 1)

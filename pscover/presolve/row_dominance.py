@@ -17,9 +17,9 @@ from .change import Change, Over
 def row_dominance(view: View, over: Over) -> Change:
     """Drop implied rows."""
     items, effort = view.rows, Effort()
-    lookup, sums, exact = Lookup(items), items.sums(), items.exact
-    keep = np.ones(len(items), dtype=np.bool_)
-    for small, large in likely_pairs(items, keep.copy(), np.zeros(len(items)), effort, over):
+    lookup, sums, exact = Lookup(items), items.sums, items.exact
+    keep, everything = np.ones(len(items), dtype=np.bool_), np.ones(len(items), dtype=np.bool_)
+    for small, large in likely_pairs(items, everything, everything, np.zeros(len(items)), effort, over):
         # Rows of the same sum that imply each other are equal: the first stays.
         later = keep[large] & ((sums[large] > sums[small]) | (large > small))
         small, large = small[later], large[later]

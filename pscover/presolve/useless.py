@@ -12,11 +12,10 @@ satisfies it.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array
 
-from ._sparse import only_rows, row_of
+from ._sparse import Mask, Rows, only_rows, row_of
 from ._view import View
-from .change import TOLERANCE, Change, Mask, Over
+from .change import TOLERANCE, Change, Over
 
 SAFE = 1e-12
 """What rounding may add to a sum of entries."""
@@ -37,7 +36,7 @@ def useless(view: View, over: Over) -> Change:
     )
 
 
-def _effective(P: csr_array) -> Mask:
+def _effective(P: Rows) -> Mask:
     """Which packing rows can be broken."""
     total = np.bincount(row_of(P), P.data, P.shape[0])
     can: Mask = (total > 1 + TOLERANCE - SAFE) & (np.diff(P.indptr) > 1)

@@ -1,6 +1,6 @@
 """Garments by colour: compact watershed regions, merged where neither colour nor boundary tells them apart.
 
-No weights and no training; about half a second of CPU for 640 x 480 pixels. Steps:
+No weights and no training; `bench/bench_perception.py` says what it costs. Steps:
 
 1.  two bilateral filters even out folds and knitting without moving edges;
 2.  features [10 ln(Y + 2), 75 a/(L + 25), 75 b/(L + 25)] of Lab and luminance Y in percent: chroma over lightness hardly

@@ -119,7 +119,6 @@ class Sam:
             Without torch, segment-anything or OpenCV.
         """
         photo, cloth = checked(photo, cloth)
-        segment_anything()
         model = TorchSam.load(self._path(), self.device)
         with torch_threads(self.threads):
             if self.mode == "guided":

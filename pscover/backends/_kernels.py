@@ -1,0 +1,77 @@
+"""What the engines built on our kernels share: a plan and a bound while the kernels get ready, and the least step in cost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pscover.errors import Refused
+from pscover.model import CoverForm, Model, as_cover
+
+from ._cover import Search, repair
+from ._session import Session
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+PAUSE = 2e-3
+"""Seconds between two looks at whether the kernels are ready."""
+MOVES = 2000
+"""Most repair moves in numpy."""
+
+
+def refusal(model: Model) -> str | None:
+    """Why a model is not covering and packing over binaries, or None."""
+    try:
+        as_cover(model)
+    except Refused as reason:
+        return str(reason)
+    return None
+
+
+def least_step(cost: FloatArray) -> float:
+    """The least by which two plans of different cost can differ: the greatest common divisor of whole costs, else 0.
+
+    Examples
+    --------
+    >>> least_step(np.array([4.0, 6.0])), least_step(np.array([1.0, 0.5]))
+    (2.0, 0.0)
+    """
+    if not len(cost) or (cost != np.round(cost)).any() or cost.max() > 2**52:
+        return 0.0
+    return float(math.gcd(*(int(c) for c in np.unique(cost))))
+
+
+def feasible_start(form: CoverForm, start: Iterable[int]) -> IntArray | None:
+    """The start if it covers, pruned; None otherwise."""
+    search = Search(form)
+    search.take(sorted(start))
+    if not search.is_feasible():
+        return None
+    search.reverse_delete()
+    return search.chosen
+
+
+def plain_plan(form: CoverForm, session: Session) -> IntArray | None:
+    """A greedy plan by numpy alone."""
+    search = Search(form)
+    rng = np.random.default_rng(session.settings.seed)
+    if search.complete(session.over) or repair(search, rng, MOVES, session.over):
+        search.reverse_delete()
+        return search.chosen
+    return None
+
+
+def await_kernels(session: Session) -> bool:
+    """Wait until the kernels are ready; False if the session is over first."""
+    from pscover.engine.warm import warming
+
+    warm = warming()
+    while not warm.wait(PAUSE):
+        if session.over():
+            return False
+    if warm.error is not None:
+        raise warm.error
+    return not session.over()

@@ -1,0 +1,254 @@
+"""One independent part of a problem on its way to a proof: its plan, its bound, and who improves them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, vstack
+
+from pscover.model import CoverForm, Model
+from pscover.presolve import fix_by_reduced_cost, lagrangian
+
+from .branch import SMALL, branch
+from .problem import IntArray, Problem, problem_of
+
+if TYPE_CHECKING:
+    from .hunt import Hunt
+    from .rowwise import Shares
+    from .subgradient import Multipliers
+
+WIDE = 12
+"""Candidates a row from which the search looks at those first that multipliers favour."""
+CORE = 3
+"""Such candidates a row."""
+EACH = 5
+"""Of each row at least so many."""
+STEPS = 40
+"""Subgradient steps between two looks at the clock, at most."""
+WORK = 400_000
+"""Entries that these steps read, at most."""
+WARM = 150
+"""Subgradient steps after which multipliers are good enough to tell favoured candidates."""
+LONGEST = 150_000
+"""Most entries for which rows are solved one by one: a step must not take long."""
+PATIENCE = 300
+"""Moves a row without a better plan after which a search counts as idle."""
+SHORTEST = 2e-3
+"""Steps shorter than this, relative to what would reach the plan's cost, no longer raise the bound."""
+
+
+class Block:
+    """A block of a cover form.
+
+    Parameters
+    ----------
+    form
+        Its rows; packing rows are cliques.
+    columns
+        Its candidates in the whole.
+    seed
+        Of everything random.
+    step
+        The least by which the costs of two plans differ.
+    """
+
+    def __init__(self, form: CoverForm, columns: IntArray, seed: int, step: float) -> None:
+        self.form = form
+        self.columns = columns
+        self.seed = seed
+        self.step = step
+        self.problem, self.kept = problem_of(form)
+        self.plan: IntArray | None = None
+        self.cost = math.inf
+        self.bound = 0.0
+        self.is_infeasible = False
+        self.is_exhausted = False
+        self.hunt: Hunt | None = None
+        self.hunted = self.kept
+        self.multipliers: Multipliers | None = None
+        self.shares: Shares | None = None
+        self.has_core = False
+        self._stall = 0
+        self._has_tightened = False
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a better plan may exist."""
+        return not (self.is_infeasible or self.is_exhausted or self.bound >= self.cost - 1e-9 * max(1.0, abs(self.cost)))
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether neither bound rises any more."""
+        return self._stall >= 2 and self._has_tightened
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether the search has long found nothing."""
+        return self.hunt is not None and self.hunt.idle > PATIENCE * (self.problem.rows + 20)
+
+    def offer(self, plan: IntArray) -> bool:
+        """Take a feasible plan (candidates of the block) if it is the best; whether it was."""
+        cost = float(self.form.c[plan].sum())
+        if cost >= self.cost:
+            return False
+        self.plan, self.cost = np.sort(plan).astype(np.int32), cost
+        return True
+
+    def prove(self, bound: float) -> bool:
+        """Take a bound if it is the best, rounded up to what costs can be; whether it was."""
+        if self.step > 0 and math.isfinite(bound):
+            bound = math.ceil(bound / self.step - 1e-6 * max(1.0, abs(bound / self.step))) * self.step
+        if bound <= self.bound + 1e-12:
+            return False
+        self.bound = bound
+        return True
+
+    def enumerate(self) -> None:
+        """Solve it at once if it is small."""
+        if self.problem.candidates > SMALL:
+            return
+        finished, plan = branch(self.problem, upper=self.cost, step=self.step)
+        if plan is not None:
+            self.offer(self.kept[plan])
+        if finished:
+            self.is_infeasible = self.plan is None
+            self.is_exhausted = True
+            self.bound = max(self.bound, self.cost) if self.plan is not None else self.bound
+
+    def search(self) -> bool:
+        """A turn of local search; whether it found a better plan."""
+        if self.hunt is None:
+            self._hunt_in(self.problem, self.kept)
+            assert self.hunt is not None
+        return self.hunt.turn() and self.offer(self.hunted[self.hunt.plan])
+
+    def _hunt_in(self, problem: Problem, kept: IntArray) -> None:
+        """Start a search over some candidates, from the best plan if it is made of them."""
+        from .hunt import Hunt
+
+        self.hunt, self.hunted = Hunt(problem, self.seed, self.step), kept
+        if self.plan is not None and np.isin(self.plan, kept).all():
+            self.hunt.resume(np.searchsorted(kept, self.plan))
+            return
+        self.hunt.begin()
+        if self.plan is not None:
+            self.hunt.resume(None, limit=self.cost - max(self.step, 1e-9 * self.cost))
+
+    def bind(self) -> bool:
+        """Raise the bound by a few steps, about a millisecond of work where rows are not too long; whether it rose."""
+        if self._stall < 2:
+            risen = self.ascend()
+            if self._stall >= 2 or (self.multipliers is not None and not self.has_core and self.multipliers.value[4] >= WARM):
+                self._shrink_by_multipliers()
+            return risen
+        if self._has_tightened:
+            return False
+        return self._tighten()
+
+    def ascend(self) -> bool:
+        """A few subgradient steps; whether the bound rose."""
+        from .subgradient import LENGTH, ascend, multipliers
+
+        if self.multipliers is None:
+            self.multipliers = multipliers(self.problem)
+        before = float(self.multipliers.value[0])
+        goal = self.cost if math.isfinite(self.cost) else 2 * max(1.0, before) + 1
+        size = 2 * len(self.problem.lines) + self.problem.candidates + self.problem.rows
+        bound = float(ascend(self.problem, self.multipliers, max(1, min(STEPS, WORK // (size + 1))), goal))
+        self._stall = self._stall + 1 if self.multipliers.value[LENGTH] <= SHORTEST else 0
+        if self.plan is None and bound > self.problem.cost.sum() * (1 + 1e-9):
+            self.is_infeasible = True
+        # Candidates left out by reduced costs are in no plan cheaper than the one at hand.
+        return bound > before and self.prove(min(bound, self.cost))
+
+    def _tighten(self) -> bool:
+        """A few steps on the shares of the rows; whether the bound rose."""
+        from .rowwise import LENGTH, improve, is_useful, shares
+
+        assert self.multipliers is not None
+        entries = len(self.problem.lines)
+        if self.shares is None:
+            if not is_useful(self.problem) or entries > LONGEST or not math.isfinite(self.cost):
+                self._has_tightened = True
+                return False
+            self.shares = shares(self.problem, self.multipliers.kept)
+        state = self.shares
+        before = float(state.value[0])
+        bound = float(improve(self.problem, state, max(1, min(STEPS, WORK // (50 * entries + 1))), self.cost))
+        if state.value[LENGTH] < SHORTEST or bound >= self.cost:
+            self._has_tightened = True
+        if self.step > 0 or self._has_tightened:
+            self._leave_out(bound + state.penalty > self.cost - self.step + 1e-6 * max(1.0, self.cost))
+        return bound > before and self.prove(min(bound, self.cost))
+
+    def _shrink_by_multipliers(self) -> None:
+        """Leave out what no better plan contains, by reduced costs; look at favoured candidates first where many are left."""
+        assert self.multipliers is not None
+        reduced, lower = lagrangian(self.form, self.multipliers.kept)
+        if math.isfinite(self.cost):
+            fixed = fix_by_reduced_cost(self.form, reduced, lower, self.cost, step=self.step)
+            self._leave_out(np.isin(self.kept, fixed.zero))
+        if not self.has_core and self.problem.candidates > WIDE * self.problem.rows and not self._is_fractional():
+            core = self.form.allowed & self._favoured(reduced)
+            self._hunt_in(*problem_of(CoverForm(c=self.form.c, W=self.form.W, P=self.form.P, allowed=core)))
+        self.has_core = True
+
+    def _is_fractional(self) -> bool:
+        from .rowwise import is_useful
+
+        return is_useful(self.problem)
+
+    def _leave_out(self, gone: NDArray[np.bool_]) -> None:
+        """Go on without some of the candidates kept, if they are many."""
+        from .subgradient import carried
+
+        if gone.sum() < 0.2 * len(gone) or self.multipliers is None:
+            return
+        if gone.all():
+            self.is_exhausted, self.bound = True, self.cost
+            return
+        allowed = self.form.allowed.copy()
+        allowed[self.kept[gone]] = False
+        self.form = CoverForm(c=self.form.c, W=self.form.W, P=self.form.P, allowed=allowed)
+        self.problem, self.kept = problem_of(self.form)
+        self.multipliers = carried(self.problem, self.multipliers)
+        self.shares, self._stall, self._has_tightened = None, 0, False
+        self.hunt = None
+        self.enumerate()
+
+    def widen(self) -> None:
+        """Search all candidates after the favoured ones."""
+        if self.hunt is not None and len(self.hunted) < len(self.kept):
+            self._hunt_in(self.problem, self.kept)
+
+    def model(self) -> tuple[Model, IntArray]:
+        """What is left as a model, and its candidates in the block."""
+        kept = problem_of(self.form)[1]
+        W, P = csr_array(self.form.W[:, kept]), csr_array(self.form.P[:, kept])
+        P = csr_array(P[np.diff(P.indptr) >= 2])
+        ones = np.ones(len(kept))
+        return Model(
+            c=self.form.c[kept],
+            A=csr_array(vstack([W, P], format="csr")),
+            lo=np.concatenate([np.ones(W.shape[0]), np.full(P.shape[0], -np.inf)]),
+            hi=np.concatenate([np.full(W.shape[0], np.inf), np.ones(P.shape[0])]),
+            ub=ones,
+            integer=np.ones(len(kept), dtype=np.bool_),
+            candidates=len(kept),
+        ), kept
+
+    def _favoured(self, reduced: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """The candidates of least reduced cost, overall and of each row."""
+        chosen = np.zeros(len(reduced), dtype=np.bool_)
+        W = self.form.W
+        chosen[np.argsort(reduced, kind="stable")[: CORE * W.shape[0]]] = True
+        row = np.repeat(np.arange(W.shape[0]), np.diff(W.indptr))
+        order = np.lexsort((reduced[W.indices], row))
+        rank = np.arange(len(order)) - W.indptr[row[order]]
+        chosen[W.indices[order[rank < EACH]]] = True
+        if self.plan is not None:
+            chosen[self.plan] = True
+        return chosen

@@ -1,0 +1,90 @@
+"""The local search as Python drives it: in short turns, one better plan at a time."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+
+from .greedy import complete
+from .problem import FloatArray, IntArray, Problem
+from .state import BEST, BEST_AT, COST, LIMIT, MOVES, SHORT, STEP, empty
+from .weighting import adopt, search
+
+TURN = 2e-3
+"""Seconds that a turn aims at, so that clock and observer are looked at often."""
+FOREVER = 1 << 62
+
+
+class Hunt:
+    """A search for ever cheaper plans of one problem; its moves depend on problem, seed and start only.
+
+    Parameters
+    ----------
+    problem
+        The rows and cliques.
+    seed
+        Of everything random.
+    step
+        By how much a plan must be cheaper to count as better; 0 for the least that can be told apart.
+    """
+
+    def __init__(self, problem: Problem, seed: int, step: float = 0.0) -> None:
+        self.problem = problem
+        self.state = empty(problem, seed)
+        scale = float(problem.cost.max(initial=0.0))
+        self.state.value[STEP] = max(step, 1e-9 * scale)
+        self._work = 20_000
+
+    @property
+    def cost(self) -> float:
+        """Of the best plan; infinite without one."""
+        return float(self.state.value[BEST])
+
+    @property
+    def plan(self) -> IntArray:
+        """The best plan, sorted."""
+        return np.flatnonzero(self.state.candidates["best"]).astype(np.int32)
+
+    @property
+    def moves(self) -> int:
+        """Moves made."""
+        return int(self.state.count[MOVES])
+
+    @property
+    def idle(self) -> int:
+        """Moves made since the best plan was found."""
+        return int(self.state.count[MOVES] - self.state.count[BEST_AT])
+
+    def begin(self, price: FloatArray | None = None) -> bool:
+        """Choose greedily from scratch; `price` stands for the costs."""
+        adopt(self.problem, self.state, np.zeros(0, dtype=np.int32))
+        self.resume(None)
+        return bool(complete(self.problem, self.state, self.problem.cost if price is None else price))
+
+    def resume(self, plan: IntArray | None, limit: float | None = None) -> None:
+        """Go on from a plan free of conflicts (None: from where it is), looking for plans not above `limit`."""
+        if plan is not None:
+            adopt(self.problem, self.state, np.asarray(plan, dtype=np.int32))
+        if limit is not None:
+            self.state.value[LIMIT] = min(limit, self.state.value[LIMIT])
+
+    def turn(self, moves: int = FOREVER) -> bool:
+        """Search for about `TURN` seconds, until that many moves are made in all, or until a better plan is found."""
+        began = perf_counter()
+        found = bool(search(self.problem, self.state, self._work, moves))
+        taken = perf_counter() - began
+        if not found:
+            self._work = int(np.clip(self._work * TURN / max(taken, 1e-5), self._work / 2, self._work * 2))
+            self._work = max(self._work, 500)
+        return found
+
+    @property
+    def is_short(self) -> bool:
+        """Whether the plan as it stands leaves rows short."""
+        return bool(self.state.count[SHORT])
+
+    @property
+    def spent(self) -> float:
+        """The cost of the plan as it stands."""
+        return float(self.state.value[COST])

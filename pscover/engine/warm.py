@@ -1,0 +1,107 @@
+"""Getting the kernels ready without holding anybody up: from disk in a thread, compiled in a process of its own at first."""
+
+from __future__ import annotations
+
+import atexit
+import subprocess
+import sys
+import threading
+from typing import Any
+
+COMPILE = "import sys; sys.path[:] = sys.argv[1:]; from pscover.engine.warm import prepare; prepare()"
+
+
+def prepare() -> None:
+    """Load or compile every kernel, by calling it on a problem of one row."""
+    import numpy as np
+    from scipy.sparse import csr_array
+
+    from pscover.model import CoverForm
+
+    from . import greedy, rowwise, state, subgradient, weighting
+    from .problem import problem_of
+
+    W, P = csr_array(np.array([[0.5, 0.6, 0.7]])), csr_array(np.array([[1.0, 1.0, 0.0]]))
+    problem, _ = problem_of(CoverForm(c=np.ones(3), W=W, P=P, allowed=np.ones(3, dtype=np.bool_)))
+    plan = state.empty(problem, 0)
+    greedy.complete(problem, plan, problem.cost)
+    weighting.search(problem, plan, 100, 2)
+    weighting.adopt(problem, plan, np.array([2], dtype=np.int32))
+    multipliers = subgradient.multipliers(problem)
+    subgradient.ascend(problem, multipliers, 1, 2.0)
+    rowwise.improve(problem, rowwise.shares(problem, multipliers.y), 1, 2.0)
+
+
+def is_on_disk() -> bool:
+    """Whether every kernel has been compiled before, by this version of the sources and of numba."""
+    from . import greedy, rowwise, subgradient, weighting
+
+    kernels: tuple[Any, ...] = (
+        greedy.complete,
+        weighting.search,
+        weighting.adopt,
+        subgradient.ascend,
+        rowwise.improve,
+    )
+    try:
+        return all(kernel._cache._cache_file._load_index() for kernel in kernels)
+    except AttributeError:
+        return False
+
+
+class Warming:
+    """Kernels on their way to be ready, in the background.
+
+    Attributes
+    ----------
+    error
+        What went wrong, if something did.
+    """
+
+    def __init__(self) -> None:
+        self.error: BaseException | None = None
+        self._done = threading.Event()
+        self._loading = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+        atexit.register(self._settle)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the kernels can be called without delay."""
+        return self._done.is_set()
+
+    def wait(self, seconds: float) -> bool:
+        """Wait at most so long; whether the kernels are ready."""
+        return self._done.wait(seconds)
+
+    def _run(self) -> None:
+        try:
+            if not is_on_disk():
+                # Compiling here would keep the caller's thread from running; what the process compiles is found on disk.
+                line = [sys.executable, "-c", COMPILE, *sys.path]
+                subprocess.run(line, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
+            self._loading.set()
+            prepare()
+        except BaseException as error:
+            self.error = error
+        finally:
+            self._done.set()
+
+    def _settle(self) -> None:
+        """Let a load end before the interpreter does; a compiling process goes on by itself."""
+        if self._loading.is_set():
+            self._thread.join()
+
+
+_warming: Warming | None = None
+_lock = threading.Lock()
+
+
+def warming() -> Warming:
+    """The kernels of this process, started to get ready at the first call."""
+    global _warming  # noqa: PLW0603
+    with _lock:
+        if _warming is None:
+            _warming = Warming()
+        return _warming

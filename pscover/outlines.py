@@ -1,0 +1,94 @@
+"""Outlines of label images as SVG paths, and pictures as data that a page can hold."""
+
+from __future__ import annotations
+
+import base64
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pscover.errors import InvalidImage, MissingDependency
+
+FINE = 3
+"""Outlines run through a grid this much finer than the pixels, so that they show no steps."""
+FINE_LIMIT = 2**20
+"""Scenes of more pixels are outlined along their pixels."""
+PHOTO_SIDE = 1600
+"""A page holds photos of at most so many pixels a side."""
+
+
+def outlines(labels: NDArray[np.int32]) -> list[str]:
+    """The outline of each label 1, 2, ... as the `d` of an SVG path, holes included (fill rule evenodd).
+
+    Parameters
+    ----------
+    labels
+        Shape (H, W); 0 is not outlined. Pixel (x, y) is the square around (x, y).
+
+    Raises
+    ------
+    MissingDependency
+        Without OpenCV.
+
+    Examples
+    --------
+    >>> labels = np.zeros((4, 6), dtype=np.int32)
+    >>> labels[1:3, 1:5] = 2
+    >>> first, second = outlines(labels)
+    >>> first, second[0], second[-1], second.count("M")
+    ('', 'M', 'Z', 1)
+    """
+    from scipy import ndimage
+
+    cv2 = _opencv()
+    scale = FINE if labels.size <= FINE_LIMIT else 1
+    paths = []
+    for number, window in enumerate(ndimage.find_objects(labels), start=1):
+        if window is None:
+            paths.append("")
+            continue
+        rows, columns = window
+        bits = np.pad((labels[window] == number).astype(np.uint8) * 255, 2)
+        fine = cv2.resize(bits, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
+        found, _ = cv2.findContours((fine > 127).astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+        paths.append("".join(_path(cv2, contour, scale, columns.start - 2, rows.start - 2) for contour in found))
+    return paths
+
+
+def _path(cv2: ModuleType, contour: NDArray[np.int32], scale: int, left: int, top: int) -> str:
+    corners = cv2.approxPolyDP(contour, 0.3 * scale, True).reshape(-1, 2)
+    # The centre of fine pixel u lies at (u + 0.5) / scale - 0.5 of the coarse ones.
+    points = (corners + 0.5) / scale - 0.5 + (left, top)
+    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points.tolist()) + "Z"
+
+
+def picture_data(photo: NDArray[np.uint8]) -> str:
+    """A photo as a JPEG in a `data:` address, scaled down to what a page needs.
+
+    Raises
+    ------
+    InvalidImage
+        If it cannot be encoded.
+    MissingDependency
+        Without OpenCV.
+    """
+    cv2 = _opencv()
+    height, width = photo.shape[:2]
+    factor = PHOTO_SIDE / max(height, width)
+    if factor < 1:
+        size = max(1, round(width * factor)), max(1, round(height * factor))
+        photo = cv2.resize(photo, size, interpolation=cv2.INTER_AREA)
+    done, content = cv2.imencode(".jpg", photo[:, :, ::-1], (cv2.IMWRITE_JPEG_QUALITY, 86))
+    if not done:
+        raise InvalidImage(f"photo: OpenCV cannot make a JPEG of shape {photo.shape}")
+    return "data:image/jpeg;base64," + base64.b64encode(content.tobytes()).decode("ascii")
+
+
+def _opencv() -> ModuleType:
+    try:
+        import cv2
+    except ImportError:
+        raise MissingDependency.for_extra("the report", ["opencv-python-headless"], "perception") from None
+    module: ModuleType = cv2
+    return module

@@ -1,0 +1,123 @@
+"""Bounds never exceed the best plan, and exact search is exact."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+pytest.importorskip("numba")
+
+from pscover import registry
+from pscover.engine.block import Block
+from pscover.engine.branch import branch
+from pscover.engine.problem import Problem, problem_of
+from pscover.engine.rowwise import improve, shares
+from pscover.engine.subgradient import ascend, multipliers
+from pscover.enumeration import enumerate_best
+from pscover.generate.psc import random_psc
+from pscover.goal import Cover
+from pscover.instance import Instance
+from pscover.model import as_cover
+from pscover.testing import random_instance
+
+
+def cases(count: int = 60) -> Iterator[tuple[Instance, Problem, np.ndarray, float | None]]:
+    random = np.random.default_rng(31)
+    for _ in range(count):
+        instance = random_instance(random)
+        best, _ = enumerate_best(instance, Cover())
+        problem, columns = problem_of(as_cover(registry.formulation("clique").build(instance)))
+        if (np.diff(problem.rptr) > 0).all():
+            yield instance, problem, columns, None if best is None else best[0]
+
+
+def test_subgradient_bounds_hold() -> None:
+    close = seen = 0
+    for _, problem, _, best in cases():
+        if best is None:
+            continue
+        state = multipliers(problem)
+        bound = ascend(problem, state, 300, best * 1.1 + 1)
+        assert bound <= best + 1e-7
+        close += bound > 0.6 * best
+        seen += 1
+    assert close > seen / 2
+
+
+def test_rows_one_by_one_bound_more_than_multipliers() -> None:
+    better = 0
+    for _, problem, _, best in cases():
+        if best is None or best == 0:
+            continue
+        state = multipliers(problem)
+        plain = ascend(problem, state, 300, best)
+        parts = shares(problem, state.kept)
+        sums = np.bincount(parts.candidate, parts.share, problem.candidates)
+        assert (sums <= problem.cost * (1 + 1e-9)).all()
+        bound = improve(problem, parts, 60, best)
+        assert bound <= best + 1e-7
+        assert (np.bincount(parts.candidate, parts.kept, problem.candidates) <= problem.cost * (1 + 1e-9)).all()
+        better += bound > plain + 1e-6
+    assert better >= 5
+
+
+def test_penalties_bound_plans_with_a_candidate() -> None:
+    for instance, problem, columns, best in cases(25):
+        if best is None:
+            continue
+        parts = shares(problem, multipliers(problem).y)
+        bound = improve(problem, parts, 30, best + 1)
+        for k, i in enumerate(columns):
+            cost = instance.cost.copy()
+            cost[np.arange(len(cost)) != i] += 0
+            forced = Instance.of(instance.probability, instance.required, _discounted(cost, i), instance.conflicts)
+            with_it, plan = enumerate_best(forced, Cover())
+            if with_it is not None and i in plan:
+                least = with_it[0] + cost[i] - 1e-6 * cost[i]
+                assert bound + parts.penalty[k] <= least + 1e-6
+
+
+def _discounted(cost: np.ndarray, i: int) -> np.ndarray:
+    """Costs under which candidate i is next to free."""
+    changed = cost.copy()
+    changed[i] = 1e-6 * cost[i]
+    return changed
+
+
+def test_branching_is_exact() -> None:
+    for _, problem, _, best in cases(80):
+        finished, plan = branch(problem)
+        assert finished
+        if best is None:
+            assert plan is None
+        else:
+            assert plan is not None
+            assert problem.cost[plan].sum() == pytest.approx(best, abs=1e-9)
+            assert branch(problem, upper=best) == (True, None)
+
+
+def test_branching_gives_up() -> None:
+    problem, _ = problem_of(as_cover(registry.formulation("clique").build(random_psc(20, 60, covers=3, seed=1))))
+    finished, _ = branch(problem, nodes=10)
+    assert not finished
+
+
+@pytest.mark.parametrize("clique_size", [None, 4])
+def test_leaving_candidates_out_keeps_the_best_plan(clique_size: int | None) -> None:
+    """A block that only bounds and fixes, from a plan at hand, never claims a bound above the optimum."""
+    import pscover
+
+    for seed in range(6):
+        instance = random_psc(12, 90, covers=3, clique_size=clique_size, cheapest=1, dearest=4, seed=seed)
+        exact = pscover.solve(instance, backend="highs")
+        form = as_cover(registry.formulation("clique").build(instance))
+        block = Block(form, np.arange(90, dtype=np.int32), 0, 1.0)
+        for _ in range(300):
+            block.search()
+            block.bind()
+            if not block.is_open or block.is_settled:
+                break
+        assert block.cost >= exact.objective - 1e-9
+        assert block.bound <= exact.objective + 1e-9
