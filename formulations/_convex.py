@@ -25,7 +25,13 @@ class Convex:
 EXPONENTIAL = Convex(value=lambda s: math.exp(-s), where=lambda slope: -math.log(-slope))
 """exp(-s): the probability of a miss."""
 
-LOSS = Convex(value=lambda s: -math.log(-math.expm1(-s)), where=lambda slope: math.log1p(-1.0 / slope))
+
+def _loss(s: float) -> float:
+    # Each form keeps its digits where the other rounds to 0 or to 1.
+    return -math.log1p(-math.exp(-s)) if s > 1.0 else -math.log(-math.expm1(-s))
+
+
+LOSS = Convex(value=_loss, where=lambda slope: math.log1p(-1.0 / slope))
 """-log(1 - exp(-s)): minus the logarithm of the probability of no miss. It is its own inverse."""
 
 
@@ -98,7 +104,7 @@ def _breakpoints(function: Convex, start: float, stop: float, error: float) -> l
         good, bad = points[-1], stop
         if _gap(function, good, stop) <= error:
             good = stop
-        while bad - good > 1e-9 * stop:
+        while bad - good > 1e-9 * bad:
             middle = 0.5 * (good + bad)
             if _gap(function, points[-1], middle) <= error:
                 good = middle

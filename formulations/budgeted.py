@@ -114,6 +114,7 @@ class Budgeted:
         expect("tolerance", 0 < self.tolerance < math.inf, "a positive number", self.tolerance)
         for j, weight in enumerate(self.weights or ()):
             expect(f"weights[{j}]", 0 <= weight < math.inf, "a finite number of at least 0", weight)
+        expect("weights", sum(self.weights or ()) < math.inf, "numbers with a finite sum", self.weights)
 
     @property
     def goal(self) -> Goal:

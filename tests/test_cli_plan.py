@@ -135,9 +135,12 @@ def test_bad_input_is_one_line(here: Path, options: list[str], word: str) -> Non
     assert [p.name for p in here.iterdir()] == ["table.png"]
 
 
-def test_a_colour_image_is_no_label_image(here: Path) -> None:
+def test_a_colour_image_is_a_photo_unless_it_is_said_to_hold_labels(here: Path) -> None:
     cv2.imwrite("colour.png", np.full((40, 40, 3), 90, dtype=np.uint8))
     shown = run("plan", "colour.png", "--no-figure")
+    assert shown.exit_code == Exit.VERIFIED
+    assert "nothing lies on the surface" in shown.stdout
+    shown = run("plan", "colour.png", "--no-figure", "--as", "labels")
     assert shown.exit_code == Exit.BAD_INPUT
     assert "grey PNG" in shown.stderr
 

@@ -17,6 +17,7 @@ from pscover.cli.fail import MEANING, Exit
 from pscover.cli.output import plain, require_distinct, require_writable
 
 PATHS = [[name] for name in COMMANDS] + [["generate", "garments"], ["generate", "psc"], ["formulations", "show"]]
+PATHS += [["models", name] for name in ("where", "check", "export")]
 
 
 def run(*arguments: str | Path) -> Result:
@@ -82,6 +83,15 @@ def test_an_unknown_command_gets_a_suggestion() -> None:
     assert shown.exit_code == 2
     assert "did you mean 'solve'?" in shown.stderr
     assert shown.stdout == ""
+
+
+@pytest.mark.parametrize("arguments", [[], ["generate"]])
+def test_a_group_without_a_command_shows_its_help(arguments: list[str]) -> None:
+    shown = run(*arguments)
+    assert shown.exit_code == Exit.BAD_INPUT
+    assert shown.stdout == ""
+    assert shown.stderr.startswith("Usage: ")
+    assert len(shown.stderr.splitlines()) > 5
 
 
 @pytest.mark.parametrize(

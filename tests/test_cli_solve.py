@@ -114,6 +114,13 @@ def test_a_start_of_another_instance_is_noted(small: Path, tmp_path: Path) -> No
     assert "of another instance" in shown.stderr
 
 
+def test_what_a_start_of_a_larger_instance_names_beyond_this_one_is_left_out(small: Path, tmp_path: Path) -> None:
+    larger = tmp_path / "larger.json"
+    save_result(solve(Instance.of(np.eye(5) * 0.9, required=0.5), backend="greedy"), larger)
+    content = document(run("solve", small, "-b", "greedy", "--start", larger, "--json"))
+    assert content["result"]["settings"]["start"] == [0, 1, 2]
+
+
 def test_a_start_without_a_plan_is_an_error(small: Path, hopeless: Path, tmp_path: Path) -> None:
     first = tmp_path / "first.json"
     assert run("solve", hopeless, "-o", first).exit_code == Exit.NO_PLAN

@@ -18,7 +18,8 @@ from pscover.scene import Scene
 
 matplotlib = pytest.importorskip("matplotlib")
 
-from pscover.figures.plan import PlanStyle, headline, palette, plan_figure, render_plan, save_plan_figure  # noqa: E402
+from pscover.figures.plan import PlanStyle, headline, plan_figure, render_plan, save_plan_figure  # noqa: E402
+from pscover.figures.scene import palette  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -136,6 +136,40 @@ def test_cuts_spare_every_feasible_plan(form: Formulation) -> None:
     assert cut_off > 0 or form.name in ("budgeted", "elastic")
 
 
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("robust", {"gamma": 10**400}),
+        ("robust", {"deviation": 1.0, "gamma": 5}),
+        ("budgeted", {"budget": 0.0}),
+        ("budgeted", {"tolerance": 1e300}),
+        ("budgeted", {"weights": [0.0, 0.0]}),
+        ("joint", {"required": 1e-9}),
+        ("joint", {"required": 1e-9, "side": "relaxation"}),
+        ("joint", {"required": float(np.nextafter(1, 0))}),
+        ("joint", {"precision": 1.0}),
+        ("scenario", {"count": 1, "correlation": 1.0}),
+    ],
+)
+def test_parameters_at_the_ends_of_their_ranges_build(name: str, options: dict[str, Any]) -> None:
+    instance = Instance.of([[1.0, 0.5], [0.5, 0.9]], required=0.8)
+    model = registry.formulation(name, options).build(instance)
+    assert np.isfinite(model.A.data).all()
+    assert not np.isnan(model.lo).any()
+    assert not np.isnan(model.hi).any()
+
+
+@pytest.mark.parametrize("required", [0.0, 5e-324, 1e-300, 1.0])
+def test_a_joint_probability_beyond_all_engines_is_refused(required: float) -> None:
+    with pytest.raises(InvalidSettings, match="required: expected a probability"):
+        registry.formulation("joint", {"required": required})
+
+
+def test_weights_without_a_finite_sum_are_refused() -> None:
+    with pytest.raises(InvalidSettings, match="weights: expected numbers with a finite sum"):
+        registry.formulation("budgeted", {"weights": [1e308, 1e308]})
+
+
 def test_contract(form: Formulation) -> None:
     assert form.name in NAMES
     assert isinstance(form.relation, Relation)

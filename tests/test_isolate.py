@@ -170,7 +170,8 @@ def test_a_forked_child_leaves_the_parents_workers_alone() -> None:
 
 def test_files_in_the_current_folder_are_not_taken_for_python_modules(tmp_path: Path) -> None:
     (tmp_path / "json.py").write_text("raise SystemExit\n")
-    code = "import sys, pathlib, pscover; sys.path.append(pathlib.Path('.')); print(pscover.solve(pscover.Instance.of([[1.0]])).objective)"
+    code = "import sys, pathlib, pscover\nsys.path.append(pathlib.Path('.'))\n"
+    code += "print(pscover.solve(pscover.Instance.of([[1.0]])).objective)"
     done = subprocess.run(
         [sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=60, cwd=tmp_path, check=True
     )

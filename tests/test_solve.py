@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -162,7 +163,8 @@ def test_settings_are_checked() -> None:
 def test_arguments_of_another_kind_are_named() -> None:
     with pytest.raises(InvalidInstance, match=r"instance: expected an Instance .*got list"):
         pscover.solve([[0.8]])  # type: ignore[arg-type]
-    for wrong in ({"backend": None}, {"backend": Inline}, {"formulation": 3}, {"settings": 5}, {"observe": None}):
+    mistakes: list[dict[str, Any]] = [{"backend": Inline}, {"formulation": 3}, {"settings": 5}, {"observe": None}]
+    for wrong in mistakes:
         with pytest.raises(InvalidSettings, match=f"^{next(iter(wrong))}: expected"):
             pscover.solve(INSTANCE, **wrong)
 

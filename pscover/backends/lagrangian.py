@@ -85,9 +85,9 @@ class Lagrangian:
         while block.is_open and not session.over() and not session.is_proven():
             rounds += 1
             for _ in range(STEPS):
-                if session.over():
+                if session.over() or not block.is_open:
                     break
-                block.ascend()
+                block.bind()
             session.bounded(session.model.offset + block.bound)
             self._greedy(block, session)
             if block.is_settled or rounds == self.rounds:

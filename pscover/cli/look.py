@@ -47,10 +47,11 @@ class Eyes:
         """What a file, or folder, is."""
         from pscover.inputs import Kind, kind_of
 
-        if self.kind is not None and not path.is_dir():
-            return self.kind
-        found = kind_of(path)
-        return self.kind if self.kind is Kind.ANNOTATIONS and found is Kind.FOLDER else found
+        if not path.is_dir():
+            return self.kind or kind_of(path)
+        if self.kind is None:
+            return kind_of(path)
+        return Kind.ANNOTATIONS if self.kind is Kind.ANNOTATIONS else Kind.FOLDER
 
     def photo_of(self, path: Path, kind: Kind) -> Path | None:
         """The photo to look at with an input: the one that was named, or the one beside a file of labels."""
@@ -119,14 +120,16 @@ OPTIONS = together(
             show_default=True,
             help="Scale of the photo; the gripper is drawn to it.",
         ),
-        click.option("--basket", type=point, metavar="X,Y", help="In pixels; may lie outside.  [default: middle of right edge]"),
+        click.option(
+            "--basket", type=point, metavar="X,Y", help="In pixels; may lie outside.  [default: middle of right edge]"
+        ),
         click.option(
             "--set-perception",
             "perception_options",
             type=str,
             multiple=True,
             metavar="NAME=VALUE",
-            help="A setting of cloth map or clean-up: threshold, kernel, rounds, decision, min_segment_area, ...; repeatable.",
+            help="A setting of cloth map or clean-up: threshold, decision, min_segment_area, ...; repeatable.",
         ),
         click.option(
             "--as",
@@ -202,21 +205,15 @@ def settings(given: tuple[str, ...]) -> Settings:
     from pscover.perception.cloth import ClothSettings
     from pscover.perception.perceive import Settings
 
-    wanted = dict(assignment(text) for text in given)
     types: dict[str, type[Any]] = {"cloth": ClothSettings, "clean_up": CleanUp}
-    parts: dict[str, dict[str, str]] = {name: {} for name in types}
-    own: dict[str, Any] = {}
     owners = {field.name: part for part, type_ in types.items() for field in dataclasses.fields(type_)}
-    for name, value in wanted.items():
-        if name in owners:
-            parts[owners[name]][name] = value
-        elif name == "pixel_limit":
-            own[name] = value
-        else:
+    own: dict[str, Any] = {part: {} for part in types}
+    for name, value in map(assignment, given):
+        if name not in owners and name != "pixel_limit":
             raise UnknownName.among("setting of perception", name, [*owners, "pixel_limit"])
+        (own[owners[name]] if name in owners else own)[name] = value
     try:
-        made = {name: msgspec.convert(values, type=types[name], strict=False) for name, values in parts.items()}
-        return Settings(**made, **{name: msgspec.convert(value, type=int, strict=False) for name, value in own.items()})
+        return msgspec.convert(own, type=Settings, strict=False)
     except msgspec.ValidationError as error:
         raise InvalidSettings(f"--set-perception: {error}") from None
 
@@ -259,4 +256,6 @@ def notes(seen: Seen) -> list[str]:
         among = f"{touching} of {seen.scene.garments} segments touch"
         among = among.replace("segments touch", "segments touches") if touching == 1 else among
         said.append(f"note: {among} the picture's border; --roi leaves out furniture, tape and whatever is no garment")
+    if "no photo is given" in seen.origin:
+        said.append("note: parts of the surface may be left among the garments; --photo tells them apart by their colour")
     return said

@@ -60,7 +60,9 @@ def check(files: tuple[Path, ...], as_json: bool) -> Exit:
 
     found = list(files) or [path for weights in CATALOGUE if (path := find(weights)) is not None]
     if not found:
-        raise PscoverError(f"no weights found in {', '.join(map(str, folders()))}; `pscover models where` says what goes there")
+        raise PscoverError(
+            f"no weights found in {', '.join(map(str, folders()))}; `pscover models where` says what goes there"
+        )
     rows = []
     for path in found:
         known = _digests(path, CATALOGUE)
@@ -89,8 +91,9 @@ def export_(checkpoint: Path, output: Path, quiet: bool) -> Exit:
     Both are compared with the checkpoint's own answers before they are written, and entered into SHA256SUMS beside them.
 
     \b
-    Example:
-      pscover models export mobile_sam.pt && pscover plan photo.jpg --segmenter mobile-sam
+    Examples:
+      pscover models export mobile_sam.pt
+      pscover plan photo.jpg --segmenter mobile-sam
     """
     from pscover.cli.live import watching
     from pscover.cli.output import show

@@ -117,7 +117,9 @@ class Outputs:
 @backend_option
 @formulation_option
 @parameter_option("--set", "parameters", "formulation")
-@click.option("--time", "seconds", type=float, default=10.0, show_default=True, metavar="SECONDS", help="Deadline of the plan.")
+@click.option(
+    "--time", "seconds", type=float, default=10.0, show_default=True, metavar="SECONDS", help="Deadline of the plan."
+)
 @click.option("--seed", type=int, default=0, show_default=True, help="Of everything random.")
 @click.option("--required", type=float, default=0.7, show_default=True, help="Probability to remove each garment.")
 @click.option("--points", type=int, default=5, show_default=True, help="Candidate points in each part.")
@@ -161,8 +163,8 @@ def command(
 
     Prints the grasps in the order of execution (x and y in pixels of the photo from the top left, the angle of the jaw in
     degrees from the x axis towards the y axis, clockwise as seen) and how surely each garment is removed, and draws a
-    picture. Exit code 0 if every garment is removed as surely as required; else the plan that comes closest is shown, and the
-    code is 1.
+    picture. Exit code 0 if every garment is removed as surely as required; else the plan that comes closest is shown, and
+    the code is 1.
 
     Of a folder, every photo is planned; a bad one does not stop the rest. Plans, pictures and reports go to the folder -o,
     and the code is 2 if a photo could not be read, else 1 if a plan falls short.

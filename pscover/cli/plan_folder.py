@@ -106,13 +106,13 @@ def _table(outcome: Outcome[Row]) -> Table:
 
     table = grid(
         ("photo", "fill"), ("garments", "right"), ("grasps", "right"), ("expected", "right"), ("status", "left"),
-        ("look s", "right"), ("plan s", "right"),
+        ("seconds", "right"),
     )  # fmt: skip
     for path, row in outcome.done:
         short = f" ({row.unmet} short)" if row.unmet else ""
         status = Text(row.status + short, style="" if row.code is Exit.VERIFIED else "bold yellow")
         figures = (str(row.garments), str(row.grasps), f"{row.expected:.1f}")
-        table.add_row(path.name, *figures, status, f"{row.looking:.2f}", f"{row.planning:.2f}")
+        table.add_row(path.name, *figures, status, f"{row.looking + row.planning:.2f}")
     for failure in outcome.failures:
-        table.add_row(failure.path.name, *[NOTHING] * 3, Text("failed", style="bold red"), NOTHING, NOTHING)
+        table.add_row(failure.path.name, *[NOTHING] * 3, Text("failed", style="bold red"), NOTHING)
     return table

@@ -214,9 +214,7 @@ def _folder(folder: Path, output: Path | None, eyes: Eyes, *, drawn: bool, as_js
 
     def work(path: Path) -> dict[str, Any]:
         named = names[path]
-        outputs = Outputs(
-            labels=target / f"{named}.labels.png", picture=target / f"{named}.segments.png" if drawn else None
-        )
+        outputs = Outputs(labels=target / f"{named}.labels.png", picture=target / f"{named}.segments.png" if drawn else None)
         outputs.check([path])
         seen = eyes.read(path)
         outputs.write(seen, path)

@@ -84,7 +84,8 @@ def scene_figure(seen: Seen, width: int = 1200) -> Figure:
     tall = picture + head + foot
     figure = Figure(figsize=(across, tall), dpi=100, facecolor=PAPER)
     views = [
-        figure.add_axes(((gap + k * (each + gap)) / across, foot / tall, each / across, picture / tall)) for k in range(panels)
+        figure.add_axes(((gap + k * (each + gap)) / across, foot / tall, each / across, picture / tall))
+        for k in range(panels)
     ]
     for view in views:
         view.set_anchor("N" if panels == 1 else "NW")
@@ -189,7 +190,16 @@ def _number(view: Axes, scene: Scene) -> None:
     box: dict[str, Any] = {"boxstyle": "round,pad=0.25", "facecolor": INK, "edgecolor": "white", "linewidth": 1}
     for (x, y), value in zip(middles(scene).tolist(), scene.values.tolist(), strict=True):
         view.text(
-            x, y, str(value), ha="center", va="center_baseline", fontsize=9, fontweight="bold", color="white", bbox=box, zorder=5
+            x,
+            y,
+            str(value),
+            ha="center",
+            va="center_baseline",
+            fontsize=9,
+            fontweight="bold",
+            color="white",
+            bbox=box,
+            zorder=5,
         )
 
 
