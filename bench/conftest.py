@@ -14,6 +14,9 @@ from typing import Any
 import pytest
 
 SHARED = Path(__file__).parents[2] / "shared"
+# Programs of their own, not benchmark cases.
+collect_ignore_glob = ["fuzz_*.py", "perception_table.py", "peers/*"]
+
 _tables: dict[str, list[dict[str, Any]]] = {}
 Row = Callable[..., None]
 

@@ -43,15 +43,17 @@ class MissingDependency(PscoverError, ImportError):
 
     @classmethod
     def for_extra(cls, user: str, packages: Iterable[str], extra: str) -> MissingDependency:
-        """The message for something called `user` that needs `packages`, which come with `extra`.
+        """The message for something called `user` that needs `packages`; they come with `extra`, or, if that is "", by name.
 
         Examples
         --------
         >>> print(MissingDependency.for_extra("backend 'scip'", ["pyscipopt"], "scip"))
         backend 'scip' needs the package pyscipopt: pip install "pscover[scip]"
         """
+        packages = list(packages)
         names = ", ".join(packages)
-        return cls(f'{user} needs the package {names}: pip install "pscover[{extra}]"')
+        line = f'pip install "pscover[{extra}]"' if extra else f"pip install {' '.join(packages)}"
+        return cls(f"{user} needs the package {names}: {line}")
 
 
 class UnknownName(PscoverError, LookupError):

@@ -89,7 +89,7 @@ def lookup(kind: str, name: str) -> Any:
 
 
 def make(kind: str, name: str, options: dict[str, Any] | None = None) -> Any:
-    """The thing registered under a name, with its parameters; text is converted to the parameter's type.
+    """The thing registered under a name, with its parameters; text is converted to the parameter's type, lists from JSON.
 
     Raises
     ------
@@ -102,9 +102,19 @@ def make(kind: str, name: str, options: dict[str, Any] | None = None) -> Any:
         if option not in known:
             raise UnknownName.among(f"parameter of {kind} {found.name!r}", option, known)
     try:
-        return msgspec.convert(options or {}, type=found, strict=False)
+        return msgspec.convert({k: _parsed(v) for k, v in (options or {}).items()}, type=found, strict=False)
     except msgspec.ValidationError as error:
         raise InvalidSettings(f"{kind} {found.name!r}: {error}") from None
+
+
+def _parsed(value: Any) -> Any:
+    """Text that is a list in JSON as that list; anything else as it is."""
+    if not (isinstance(value, str) and value.startswith("[")):
+        return value
+    try:
+        return msgspec.json.decode(value)
+    except msgspec.DecodeError:
+        return value
 
 
 def formulation(name: str, options: dict[str, Any] | None = None) -> Formulation:

@@ -16,7 +16,7 @@ from fractions import Fraction
 import numpy as np
 
 from pscover import registry
-from pscover.errors import InvalidResult, PscoverError
+from pscover.errors import InvalidResult, PscoverError, UnknownName
 from pscover.formulation import Formulation, Relation
 from pscover.goal import Cover, Evidence, failures
 from pscover.instance import TOLERANCE, Instance
@@ -98,7 +98,7 @@ def verify(instance: Instance, result: Result) -> Verification:
     try:
         formulation = _formulation(result)
         evidence = formulation.goal.evaluate(instance, chosen, Fraction)
-    except InvalidResult as error:
+    except (InvalidResult, UnknownName) as error:
         checks.append(Check("requirements", Verdict.FAILED, str(error)))
         return Verification(tuple(checks))
     except PscoverError as error:

@@ -249,7 +249,8 @@ def test_the_observer_stops_it(name: str) -> None:
     answer = solve(name, clique_model(piles()), Settings(time=60.0), seen)
     assert (answer.status, answer.stop) == (Status.FEASIBLE, Stop.OBSERVER)
     assert answer.chosen is not None
-    assert len(answer.chosen) == seen.found[-1].objective
+    # What an engine finds between the wish to stop and its end counts too.
+    assert len(answer.chosen) <= seen.found[-1].objective
     assert Clock().elapsed < 60
 
 
@@ -583,7 +584,8 @@ def test_the_contract(name: str) -> None:
     found = registry.lookup("backend", name)
     assert found.name == name
     assert found.isolated is (name not in ("greedy", "auto", "lagrangian", "local-search"))
-    assert bool(found.requires) is bool(found.extra)
+    # Without an extra it is one of pscover's own dependencies.
+    assert found.requires if found.extra else set(found.requires) <= {"highspy"}
     assert found() == found()
 
 

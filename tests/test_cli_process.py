@@ -91,6 +91,28 @@ def test_an_encoding_that_lacks_the_signs(small: Path) -> None:
 
 
 @posix
+@pytest.mark.parametrize(
+    ("redirected", "code"),
+    [
+        (">&-", Exit.VERIFIED),
+        ("2>&- >/dev/null", Exit.VERIFIED),
+        ("<&- >&- 2>&-", Exit.VERIFIED),
+        ("> /dev/full", Exit.BAD_INPUT),
+    ],
+)
+def test_streams_that_are_closed_or_full(small: Path, redirected: str, code: Exit) -> None:
+    if "/dev/full" in redirected and not Path("/dev/full").exists():
+        pytest.skip("there is no /dev/full")
+    shell = f'"$@" {redirected}'
+    ended = subprocess.run(
+        ["sh", "-c", shell, "sh", *PROGRAM, "solve", str(small), "-q"], capture_output=True, text=True, env=environment()
+    )
+    assert ended.returncode == code
+    assert "bug" not in ended.stderr
+    assert len(ended.stderr.splitlines()) == (code is Exit.BAD_INPUT)
+
+
+@posix
 def test_ctrl_c_prints_the_best_plan_so_far(hard: Path) -> None:
     with terminal() as (master, slave):
         process = subprocess.Popen(

@@ -98,6 +98,17 @@ def test_branching_is_exact() -> None:
             assert branch(problem, upper=best) == (True, None)
 
 
+def test_branching_is_exact_in_whole_steps() -> None:
+    """Plans whose costs differ by exactly the step count as better."""
+    for seed in range(12):
+        instance = random_psc(4, 14, covers=2, clique_size=2, required=0.9, cheapest=2, dearest=2, seed=seed)
+        best, _ = enumerate_best(instance, Cover())
+        problem, _ = problem_of(as_cover(registry.formulation("clique").build(instance)))
+        finished, plan = branch(problem, step=2.0)
+        assert finished
+        assert (None if plan is None else (float(problem.cost[plan].sum()),)) == best
+
+
 def test_branching_gives_up() -> None:
     problem, _ = problem_of(as_cover(registry.formulation("clique").build(random_psc(20, 60, covers=3, seed=1))))
     finished, _ = branch(problem, nodes=10)

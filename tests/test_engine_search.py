@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -43,7 +45,7 @@ def check(problem: Problem, state: State, W: np.ndarray) -> None:
     now = penalties(W, weight, x)
     assert np.allclose(state.rows["supply"], W @ x)
     assert state.value[0] == pytest.approx(problem.cost @ x)
-    short = np.sort(state.rows["lacking"][: state.count[1]])
+    short = np.sort(state.rows["lacking"][: state.counts[1]])
     assert short.tolist() == np.flatnonzero(1 - W @ x > 1e-9).tolist()
     for i in range(problem.candidates):
         other = x.copy()
@@ -51,7 +53,7 @@ def check(problem: Problem, state: State, W: np.ndarray) -> None:
         change = penalties(W, weight, other) - now
         if x[i]:
             assert state.candidates[i]["loss"] == pytest.approx(change, abs=1e-9)
-        elif state.count[KEEPS]:
+        elif state.counts[KEEPS]:
             assert state.candidates[i]["worth"] == pytest.approx(-change, abs=1e-9)
 
 
@@ -59,7 +61,7 @@ def check(problem: Problem, state: State, W: np.ndarray) -> None:
 def test_what_is_kept_up_to_date_equals_what_is_computed_afresh(covers: int) -> None:
     problem, _ = problem_of(form_of(random_psc(12, 40, covers=covers, low=0.2, high=0.6, clique_size=4, seed=3)))
     W, state, random = dense(problem), empty(problem, 1), np.random.default_rng(0)
-    assert bool(state.count[KEEPS]) is (covers == 9)
+    assert bool(state.counts[KEEPS]) is (covers == 9)
     steps = python_versions()
     for _ in range(200):
         i = int(random.integers(problem.candidates))
@@ -72,7 +74,7 @@ def test_what_is_kept_up_to_date_equals_what_is_computed_afresh(covers: int) -> 
         check(problem, state, W)
 
 
-def python_versions() -> dict[str, object]:
+def python_versions() -> dict[str, Any]:
     """Moves that compiled kernels are made of, callable from here."""
     from numba import njit
 
@@ -112,7 +114,7 @@ def test_plans_are_feasible_and_mostly_the_best() -> None:
         problem, columns = problem_of(form_of(instance))
         hunt = Hunt(problem, 1)
         hunt.begin()
-        while hunt.moves < 3000 and problem.candidates and not (hunt.cost == 0):
+        while hunt.moves < 3000 and problem.candidates and hunt.cost != 0:
             hunt.turn(3000)
         if best is None:
             assert hunt.cost == np.inf or not problem.rows
@@ -134,7 +136,7 @@ def test_turns_do_not_change_the_course() -> None:
         state = empty(problem, 9)
         state.value[2] = 1.0
         greedy.complete(problem, state, problem.cost)
-        while state.count[2] < 4000:
+        while state.counts[2] < 4000:
             weighting.search(problem, state, work, 4000)
         plans.append((float(state.value[1]), state.candidates["taken"].tolist()))
     assert plans[0] == plans[1] == plans[2]

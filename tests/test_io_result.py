@@ -129,7 +129,7 @@ def test_results_that_could_not_be_read_again_are_not_written(wrong: Result, tmp
         ("bound", "low", "$.bound: Invalid enum value 'low', got \"low\""),
         ("digest", "abc", "$.digest: expected str matching regex '^[0-9a-f]{64}$', got \"abc\""),
         ("settings.time", -1, "$.settings.time: expected a positive number of seconds, got -1.0"),
-        ("settings.threads", 0, "$.settings.threads: expected a whole number of at least 1, got 0"),
+        ("settings.threads", 0, "$.settings.threads: expected a whole number from 1 to 256, got 0"),
         ("settings.seed", 10**40, "$.settings.seed: expected a whole number from 0 to 2^31 - 1, got 1"),
         ("trace", [{}], "$.trace[0]: expected the field 'seconds', got an object without it"),
         ("timing.total", "x", '$.timing.total: expected float, got "x"'),

@@ -20,7 +20,8 @@ BACKENDS, FORMULATIONS = registry.names("backend"), registry.names("formulation"
 PARAMETERS = {"budgeted": {"budget": 4.0}, "scenario": {"count": 12, "correlation": 0.3}, "joint": {"required": 0.5}}
 TINY = Instance.of([[0.9, 0.6, 0.65, 0.0], [0.0, 0.6, 0.65, 0.9]], required=0.7, conflicts=[(0, 2)])
 COVERS = ("clique", "pairwise", "single_cover")
-TAKEN = {"greedy": COVERS, "lp-rounding": COVERS, "local-search": COVERS, "lagrangian": COVERS, "cpsat": (*COVERS, "scenario")}
+HEURISTICS = ("greedy", "lp-rounding", "local-search", "lagrangian")
+TAKEN = {**dict.fromkeys(HEURISTICS, COVERS), "cpsat": (*COVERS, "scenario")}
 REFUSED = {(b, f) for b in BACKENDS for f in FORMULATIONS if f not in TAKEN.get(b, FORMULATIONS)}
 """The cells that cannot be: heuristics read covering and packing rows only, CP-SAT has no continuous variables."""
 

@@ -138,7 +138,7 @@ def test_settings_are_checked() -> None:
             pscover.solve(INSTANCE, **bad)
     with pytest.raises(InvalidSettings, match="start"):
         pscover.solve(INSTANCE, start=[3])
-    for wrong in (
+    untyped: tuple[dict[str, Any], ...] = (
         {"time": "1"},
         {"gap": None},
         {"threads": 1.5},
@@ -146,7 +146,8 @@ def test_settings_are_checked() -> None:
         {"margin": []},
         {"start": 5},
         {"start": "02"},
-    ):
+    )
+    for wrong in untyped:
         with pytest.raises(InvalidSettings, match=f"^{next(iter(wrong))}.*expected"):
             pscover.solve(INSTANCE, **wrong)
     given = Settings(time=np.float32(2), seed=np.int64(3), start=np.array([0, 1]))  # type: ignore[arg-type]

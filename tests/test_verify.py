@@ -47,6 +47,7 @@ def test_an_honest_result_passes() -> None:
         ({"shortfall": None}, ["requirements"]),
         ({"options": "{"}, ["requirements"]),
         ({"options": "[1]"}, ["requirements"]),
+        ({"formulation": "nope"}, ["requirements"]),
         ({"bound": 0.5}, ["status"]),
         ({"bound": 1.5}, ["status"]),
         ({"status": Status.INFEASIBLE}, ["status"]),

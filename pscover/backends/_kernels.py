@@ -1,4 +1,4 @@
-"""What the engines built on our kernels share: a plan and a bound while the kernels get ready, and the least step in cost."""
+"""What the engines built on our kernels share: a plan while the kernels get ready, and the least step in cost."""
 
 from __future__ import annotations
 

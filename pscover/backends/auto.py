@@ -16,7 +16,7 @@ from pscover.clock import Clock
 from pscover.model import CoverForm, Model, as_cover
 from pscover.presolve import components, presolve
 from pscover.presolve.reduced import Outcome, Reduced
-from pscover.result import Answer, Observer, Progress, Settings, Status, Stop
+from pscover.result import Answer, Observer, Progress, Settings, Status
 
 from ._cover import hopeless_rows
 from ._kernels import await_kernels, feasible_start, least_step, plain_plan, refusal
@@ -29,6 +29,8 @@ IntArray = NDArray[np.int32]
 
 BURST = 0.02
 """Seconds of search of one block before the next has its turn."""
+PRESOLVE = 0.1
+"""The part of the time that presolve may take."""
 SHORTEST = 0.3
 """Seconds that must be left for branch and bound in a process of its own to be of use."""
 
@@ -54,7 +56,7 @@ class Auto:
     requires: ClassVar[tuple[str, ...]] = ("numba",)
     extra: ClassVar[str] = "engine"
 
-    share: float = 0.6
+    share: float = 0.5
 
     def refuses(self, model: Model) -> str | None:
         """Every model with one objective is taken."""
@@ -69,7 +71,7 @@ class Auto:
         form = as_cover(model)
         if len(hopeless_rows(form)):
             return session.answer(Status.INFEASIBLE)
-        reduced = presolve(form, over=session.over)
+        reduced = presolve(form, over=_for_at_most(PRESOLVE * session.left, session))
         if reduced.status is Outcome.INFEASIBLE:
             return session.answer(Status.INFEASIBLE)
         from pscover.engine.problem import several
@@ -80,6 +82,11 @@ class Auto:
                 session.plan(plan, float(form.c[plan].sum()) + model.offset)
             return _by_highs(session, settings.start if session.chosen is None else tuple(session.chosen.tolist()))
         return _Run(form, reduced, session, self.share).answer()
+
+
+def _for_at_most(seconds: float, session: Session) -> Callable[[], bool]:
+    end = perf_counter() + seconds
+    return lambda: session.over() or perf_counter() > end
 
 
 class _Run:
@@ -93,7 +100,7 @@ class _Run:
         if reduced.status is not Outcome.SOLVED:
             step = least_step(reduced.form.c)
             for part, columns in components(reduced.form):
-                self.blocks.append(Block(part, columns, session.settings.seed, step))
+                self.blocks.append(Block(part, columns.astype(np.int32), session.settings.seed, step))
 
     def answer(self) -> Answer:
         """Go through the stages until nothing is open or the session is over."""
@@ -136,6 +143,8 @@ class _Run:
         from pscover.engine.warm import warming
 
         session = self.session
+        if session.left > 2 * SHORTEST:
+            isolate.warm_up()
         if not warming().is_done:
             for block in self._open():
                 plan = plain_plan(block.form, session)

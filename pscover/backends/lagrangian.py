@@ -69,9 +69,9 @@ class Lagrangian:
             start = plain_plan(form, session)
         if start is not None:
             session.plan(start, float(form.c[start].sum()) + model.offset)
-        if several(form) is None and not session.is_proven() and await_kernels(session):
-            if self._improve(form, session, start):
-                return session.answer(Status.INFEASIBLE)
+        is_ready = several(form) is None and not session.is_proven() and await_kernels(session)
+        if is_ready and self._improve(form, session, start):
+            return session.answer(Status.INFEASIBLE)
         return session.answer(Status.OPTIMAL if session.is_proven() else Status.UNKNOWN)
 
     def _improve(self, form: CoverForm, session: Session, start: NDArray[np.int32] | None) -> bool:

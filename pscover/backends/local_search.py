@@ -84,7 +84,7 @@ class LocalSearch:
         if start is None:
             hunt.begin()
         else:
-            hunt.resume(np.searchsorted(columns, start))
+            hunt.resume(np.searchsorted(columns, start).astype(np.int32))
         endless = self.moves == 0 and session.settings.time == float("inf")
         while not session.over() and not session.is_proven():
             if hunt.turn(self.moves or FOREVER):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import sys
@@ -78,6 +79,9 @@ def explained(error: BaseException) -> tuple[Exit, str]:
             return Exit.BAD_INPUT, "there is not enough memory for this problem"
         case OSError() if error.filename is not None:
             return Exit.BAD_INPUT, f"{error.filename}: {error.strerror}"
+        case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO):
+            # Output files have names: this is what the shell made of standard output.
+            return Exit.BAD_INPUT, f"standard output: {error.strerror}"
         case _:
             return Exit.BUG, f"{type(error).__name__}: {error} (this is a bug: {ISSUES})"
 

@@ -26,7 +26,11 @@ SPACES_AT_END = re.compile(r" +$", re.MULTILINE)
 
 
 def make_printable() -> None:
-    """Let characters that a terminal's encoding lacks be replaced, instead of ending the program."""
+    """Let what a stream lacks not end the program: characters of its encoding, or, where the shell closed it, the stream."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            # It takes the number of the closed one, which would else be that of the next file opened.
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115, PTH123 - open as long as the process
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")

@@ -131,7 +131,7 @@ class Block:
 
         self.hunt, self.hunted = Hunt(problem, self.seed, self.step), kept
         if self.plan is not None and np.isin(self.plan, kept).all():
-            self.hunt.resume(np.searchsorted(kept, self.plan))
+            self.hunt.resume(np.searchsorted(kept, self.plan).astype(np.int32))
             return
         self.hunt.begin()
         if self.plan is not None:
@@ -141,7 +141,9 @@ class Block:
         """Raise the bound by a few steps, about a millisecond of work where rows are not too long; whether it rose."""
         if self._stall < 2:
             risen = self.ascend()
-            if self._stall >= 2 or (self.multipliers is not None and not self.has_core and self.multipliers.value[4] >= WARM):
+            if self._stall >= 2 or (
+                self.multipliers is not None and not self.has_core and self.multipliers.value[4] >= WARM
+            ):
                 self._shrink_by_multipliers()
             return risen
         if self._has_tightened:
@@ -185,7 +187,7 @@ class Block:
         return bound > before and self.prove(min(bound, self.cost))
 
     def _shrink_by_multipliers(self) -> None:
-        """Leave out what no better plan contains, by reduced costs; look at favoured candidates first where many are left."""
+        """Leave out what no better plan contains, by reduced costs; where many are left, look at favoured ones first."""
         assert self.multipliers is not None
         reduced, lower = lagrangian(self.form, self.multipliers.kept)
         if math.isfinite(self.cost):

@@ -44,7 +44,7 @@ class _Tree:
             if narrow is None or len(open_) < len(narrow):
                 narrow = open_
         if narrow is None:
-            if spent < self.best - self.step:
+            if spent < self.best - max(0.5 * self.step, 1e-12):
                 self.best, self.plan = spent, list(self.chosen)
             return
         if spent + least > self.best - self.step + 1e-9:
@@ -81,7 +81,9 @@ class _Tree:
         return float("inf")
 
 
-def branch(problem: Problem, *, upper: float = np.inf, step: float = 0.0, nodes: int = NODES) -> tuple[bool, IntArray | None]:
+def branch(
+    problem: Problem, *, upper: float = np.inf, step: float = 0.0, nodes: int = NODES
+) -> tuple[bool, IntArray | None]:
     """The best plan cheaper than `upper`, by branch and bound.
 
     Parameters

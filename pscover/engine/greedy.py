@@ -6,7 +6,7 @@ import numpy as np
 
 from .jit import inner, kernel
 from .problem import FloatArray, IntArray, Problem
-from .state import COST, SHORT, SIZE, State, gain, is_free, put, take_out
+from .state import SHORT, SIZE, State, gain, is_free, put, take_out
 
 NOISE = 1e-12
 """Gains below this are what rounding leaves of zero."""
@@ -31,7 +31,7 @@ def complete(problem: Problem, state: State, price: FloatArray) -> bool:
                 size += 1
     for s in range(size // 2 - 1, -1, -1):
         _sink(heap, score, size, s)
-    while state.count[SHORT] > 0 and size > 0:
+    while state.counts[SHORT] > 0 and size > 0:
         i = heap[0]
         if not is_free(problem, state, i):
             size -= 1
@@ -51,7 +51,7 @@ def complete(problem: Problem, state: State, price: FloatArray) -> bool:
         size -= 1
         heap[0] = heap[size]
         _sink(heap, score, size, 0)
-    return bool(state.count[SHORT] == 0)
+    return bool(state.counts[SHORT] == 0)
 
 
 @inner
@@ -73,9 +73,13 @@ def prune(problem: Problem, state: State) -> None:
     """Take out what is not needed: the most expensive first."""
     while True:
         worst = -1
-        for s in range(state.count[SIZE]):
+        for s in range(state.counts[SIZE]):
             i = state.candidates[s]["plan"]
-            if state.candidates[i]["loss"] <= NOISE and (worst < 0 or problem.cost[i] > problem.cost[worst]) and _is_spare(problem, state, i):
+            if (
+                state.candidates[i]["loss"] <= NOISE
+                and (worst < 0 or problem.cost[i] > problem.cost[worst])
+                and _is_spare(problem, state, i)
+            ):
                 worst = i
         if worst < 0:
             return

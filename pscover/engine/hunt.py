@@ -49,12 +49,12 @@ class Hunt:
     @property
     def moves(self) -> int:
         """Moves made."""
-        return int(self.state.count[MOVES])
+        return int(self.state.counts[MOVES])
 
     @property
     def idle(self) -> int:
         """Moves made since the best plan was found."""
-        return int(self.state.count[MOVES] - self.state.count[BEST_AT])
+        return int(self.state.counts[MOVES] - self.state.counts[BEST_AT])
 
     def begin(self, price: FloatArray | None = None) -> bool:
         """Choose greedily from scratch; `price` stands for the costs."""
@@ -82,7 +82,7 @@ class Hunt:
     @property
     def is_short(self) -> bool:
         """Whether the plan as it stands leaves rows short."""
-        return bool(self.state.count[SHORT])
+        return bool(self.state.counts[SHORT])
 
     @property
     def spent(self) -> float:

@@ -20,4 +20,8 @@ def kernel(function: F) -> F:
 
 def inner(function: F) -> F:
     """Compile as a part of the kernels that call it."""
-    return function if njit is None else cast(F, njit(nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)(function))
+    return (
+        function
+        if njit is None
+        else cast(F, njit(nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)(function))
+    )

@@ -95,14 +95,18 @@ def problem_of(form: CoverForm) -> tuple[Problem, IntArray]:
     owner = np.repeat(np.arange(P.shape[0], dtype=np.int32), sizes)
     order = np.argsort(sizes[owner], kind="stable")
     home[P.indices[order]] = owner[order]
+    gptr, gclq = _int32(G.indptr, G.indices)
+    rptr, lines = _by_row(csr_array(W), cost)
     entries = np.zeros(W.nnz, dtype=COLUMN)
     entries["entry"], entries["row"] = W.data, W.indices
     problem = Problem(
         cost,
-        *_int32(W.indptr),
+        _int32(W.indptr)[0],
         entries,
-        *_by_row(csr_array(W), cost),
-        *_int32(G.indptr, G.indices),
+        rptr,
+        lines,
+        gptr,
+        gclq,
         home,
         np.array([P.shape[0]], dtype=np.int32),
     )

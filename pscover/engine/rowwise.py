@@ -1,4 +1,4 @@
-"""A bound from rows solved one by one: each row has its own copies of its candidates, the copies share a candidate's cost."""
+"""A bound from rows solved one by one: each row has its own copies of its candidates, which share the cost."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def improve(problem: Problem, state: Shares, steps: int, goal: float) -> float:
             if penalty[i] > 0.0:
                 # Rounding must not let shares sum to more than the cost.
                 state.share[t] *= problem.cost[i] / penalty[i] * (1.0 - 1e-14)
-    return state.value[BOUND]
+    return float(state.value[BOUND])
 
 
 @inner
@@ -203,4 +203,4 @@ def _solve_row(state: Shares, j: int, least: FloatArray, before: FloatArray, pic
             d = pick % 128
     for d in range(UNITS - 1, -1, -1):
         least[d] = min(least[d], least[d + 1])
-    return least[UNITS]
+    return float(least[UNITS])

@@ -1,5 +1,7 @@
 """A plan in the making as the kernels keep it: supplies, short rows, what each choice is worth; and the moves on it."""
 
+# ruff: noqa: SIM110
+# Loops, since generators do not compile.
 from __future__ import annotations
 
 from typing import Any, NamedTuple
@@ -32,10 +34,10 @@ CANDIDATE = np.dtype(
 )
 """What is kept of each candidate.
 
-`loss`: by how much the weighted penalty grows when it leaves the plan; `worth`: by how much it falls when it is put in (kept
-up to date only where `count[KEEPS]` is 1, which pays where candidates cover many rows); `frozen`: until which move it stays as
-it is; `moved`: at which move it was last put in or taken out; `place`: where it stands in the plan; `taken`, `best`: whether
-it is in the plan and in the best one. `plan` is the plan itself as a list.
+`loss`: by how much the weighted penalty grows when it leaves the plan; `worth`: by how much it falls when it is put in, kept
+up to date only where `counts[KEEPS]` is 1, which pays where candidates cover many rows; `frozen`: until which move it stays
+as it is; `moved`: at which move it was last put in or taken out; `place`: where it stands in the plan; `taken`, `best`:
+whether it is in the plan and in the best one. `plan` is the plan itself as a list.
 """
 ROW = np.dtype(
     [
@@ -48,7 +50,7 @@ ROW = np.dtype(
         ("unused", np.int32),
     ]
 )
-"""What is kept of each row: what it gets, its weight, at which move it last changed, how many candidates of the plan cover it
+"""What is kept of each row: what it gets, its weight, at which move it last changed, how many of the plan cover it,
 and where it stands among the short rows, or -1. `lacking` are the short rows as a list."""
 INSIDE = np.dtype([("inval", np.float64), ("inside", np.int32), ("unused", np.int32)])
 """Candidates of the plan that cover a row, and their entries: the first `filled` of the row's span in `Problem.lines`."""
@@ -63,7 +65,7 @@ class State(NamedTuple):
         Records of `CANDIDATE`, `ROW` and `INSIDE`.
     occupant
         The candidate of the plan in each clique, or -1.
-    count, value
+    counts, value
         Counters and amounts; see the names above.
     random
         State of the random numbers, shape (1,).
@@ -73,7 +75,7 @@ class State(NamedTuple):
     rows: Records
     inner: Records
     occupant: IntArray
-    count: NDArray[np.int64]
+    counts: NDArray[np.int64]
     value: FloatArray
     random: NDArray[np.uint64]
 
@@ -86,7 +88,7 @@ def empty(problem: Problem, seed: int) -> State:
         rows=np.zeros(m, dtype=ROW),
         inner=np.zeros(len(problem.lines), dtype=INSIDE),
         occupant=np.full(int(problem.cliques[0]), -1, dtype=np.int32),
-        count=np.zeros(8, dtype=np.int64),
+        counts=np.zeros(8, dtype=np.int64),
         value=np.array([0.0, np.inf, 0.0, np.inf]),
         random=np.array([(seed * 0x9E3779B97F4A7C15 + 0x2545F4914F6CDD1D) % 2**64], dtype=np.uint64),
     )
@@ -95,9 +97,9 @@ def empty(problem: Problem, seed: int) -> State:
     state.rows["weight"] = 1.0
     state.rows["lacking"] = state.rows["spot"] = np.arange(m)
     state.candidates["worth"] = np.bincount(problem.lines["candidate"], problem.lines["entry"], n)
-    state.count[SHORT] = m
+    state.counts[SHORT] = m
     # Where candidates cover many rows, keeping all gains up to date is less work than computing those of a row afresh.
-    state.count[KEEPS] = len(problem.lines) > LONG * n
+    state.counts[KEEPS] = len(problem.lines) > LONG * n
     return state
 
 
@@ -113,7 +115,7 @@ def draw(random: NDArray[np.uint64], below: int) -> int:
     x ^= x << np.uint64(25)
     x ^= x >> np.uint64(27)
     random[0] = x
-    return np.int64((x * np.uint64(0x2545F4914F6CDD1D)) >> np.uint64(33)) % below
+    return int(np.int64((x * np.uint64(0x2545F4914F6CDD1D)) >> np.uint64(33)) % below)
 
 
 @inner
@@ -126,12 +128,12 @@ def penalty(deficit: float) -> float:
 def put(problem: Problem, state: State, i: int) -> None:
     """Put a candidate into the plan; its cliques must be free."""
     state.candidates[i]["taken"] = 1
-    size = state.count[SIZE]
+    size = state.counts[SIZE]
     state.candidates[size]["plan"] = i
     state.candidates[i]["place"] = size
-    state.count[SIZE] = size + 1
+    state.counts[SIZE] = size + 1
     state.value[COST] += problem.cost[i]
-    now = state.count[MOVES]
+    now = state.counts[MOVES]
     state.candidates[i]["moved"] = now
     for t in range(problem.gptr[i], problem.gptr[i + 1]):
         state.occupant[problem.gclq[t]] = i
@@ -146,11 +148,11 @@ def put(problem: Problem, state: State, i: int) -> None:
         before, after = penalty(old), penalty(new)
         own += y * (before - after)
         begin, filled = problem.rptr[j], state.rows[j]["filled"]
-        state.count[WORK] += filled + 1
+        state.counts[WORK] += filled + 1
         for s in range(begin, begin + filled):
             k, v = state.inner[s]["inside"], state.inner[s]["inval"]
             state.candidates[k]["loss"] += y * (penalty(new + v) - after - penalty(old + v) + before)
-        if state.count[KEEPS] == 1 and old > TOLERANCE:
+        if state.counts[KEEPS] == 1 and old > TOLERANCE:
             _revalue(problem, state, j, y, old, new)
         state.inner[begin + filled]["inside"] = i
         state.inner[begin + filled]["inval"] = w
@@ -164,14 +166,14 @@ def put(problem: Problem, state: State, i: int) -> None:
 def take_out(problem: Problem, state: State, i: int) -> None:
     """Take a candidate out of the plan."""
     state.candidates[i]["taken"] = 0
-    last = state.count[SIZE] - 1
+    last = state.counts[SIZE] - 1
     other, at = state.candidates[last]["plan"], state.candidates[i]["place"]
     state.candidates[at]["plan"] = other
     state.candidates[other]["place"] = at
     state.candidates[i]["place"] = -1
-    state.count[SIZE] = last
+    state.counts[SIZE] = last
     state.value[COST] -= problem.cost[i]
-    now = state.count[MOVES]
+    now = state.counts[MOVES]
     state.candidates[i]["moved"] = now
     for t in range(problem.gptr[i], problem.gptr[i + 1]):
         state.occupant[problem.gclq[t]] = -1
@@ -184,7 +186,7 @@ def take_out(problem: Problem, state: State, i: int) -> None:
         state.rows[j]["touched"] = now
         before, after = penalty(old), penalty(new)
         begin, filled = problem.rptr[j], state.rows[j]["filled"] - 1
-        state.count[WORK] += filled + 1
+        state.counts[WORK] += filled + 1
         for s in range(begin, begin + filled + 1):
             if state.inner[s]["inside"] == i:
                 state.inner[s]["inside"] = state.inner[begin + filled]["inside"]
@@ -194,12 +196,12 @@ def take_out(problem: Problem, state: State, i: int) -> None:
         for s in range(begin, begin + filled):
             k, v = state.inner[s]["inside"], state.inner[s]["inval"]
             state.candidates[k]["loss"] += y * (penalty(new + v) - after - penalty(old + v) + before)
-        if state.count[KEEPS] == 1 and new > TOLERANCE:
+        if state.counts[KEEPS] == 1 and new > TOLERANCE:
             _revalue(problem, state, j, y, old, new)
         if old <= TOLERANCE and new > TOLERANCE:
-            state.rows[j]["spot"] = state.count[SHORT]
-            state.rows[state.count[SHORT]]["lacking"] = j
-            state.count[SHORT] += 1
+            state.rows[j]["spot"] = state.counts[SHORT]
+            state.rows[state.counts[SHORT]]["lacking"] = j
+            state.counts[SHORT] += 1
 
 
 @inner
@@ -208,18 +210,20 @@ def _revalue(problem: Problem, state: State, j: int, y: float, old: float, new: 
     before, after = penalty(old), penalty(new)
     for s in range(problem.rptr[j], problem.rptr[j + 1]):
         w = problem.lines[s]["entry"]
-        state.candidates[problem.lines[s]["candidate"]]["worth"] += y * (after - penalty(new - w) - before + penalty(old - w))
-    state.count[WORK] += problem.rptr[j + 1] - problem.rptr[j]
+        state.candidates[problem.lines[s]["candidate"]]["worth"] += y * (
+            after - penalty(new - w) - before + penalty(old - w)
+        )
+    state.counts[WORK] += problem.rptr[j + 1] - problem.rptr[j]
 
 
 @inner
 def _met(state: State, j: int) -> None:
-    last = state.count[SHORT] - 1
+    last = state.counts[SHORT] - 1
     other, at = state.rows[last]["lacking"], state.rows[j]["spot"]
     state.rows[at]["lacking"] = other
     state.rows[other]["spot"] = at
     state.rows[j]["spot"] = -1
-    state.count[SHORT] = last
+    state.counts[SHORT] = last
 
 
 @inner
@@ -231,10 +235,12 @@ def weigh(problem: Problem, state: State, j: int, more: float) -> None:
     begin = problem.rptr[j]
     for s in range(begin, begin + state.rows[j]["filled"]):
         state.candidates[state.inner[s]["inside"]]["loss"] += more * (penalty(deficit + state.inner[s]["inval"]) - now)
-    if state.count[KEEPS] == 1 and deficit > TOLERANCE:
+    if state.counts[KEEPS] == 1 and deficit > TOLERANCE:
         for s in range(begin, problem.rptr[j + 1]):
-            state.candidates[problem.lines[s]["candidate"]]["worth"] += more * (now - penalty(deficit - problem.lines[s]["entry"]))
-        state.count[WORK] += problem.rptr[j + 1] - begin
+            state.candidates[problem.lines[s]["candidate"]]["worth"] += more * (
+                now - penalty(deficit - problem.lines[s]["entry"])
+            )
+        state.counts[WORK] += problem.rptr[j + 1] - begin
 
 
 @inner
@@ -246,7 +252,7 @@ def gain(problem: Problem, state: State, i: int) -> float:
         deficit = 1.0 - state.rows[j]["supply"]
         if deficit > TOLERANCE:
             total += state.rows[j]["weight"] * (penalty(deficit) - penalty(deficit - problem.columns[t]["entry"]))
-    state.count[WORK] += problem.cptr[i + 1] - problem.cptr[i]
+    state.counts[WORK] += problem.cptr[i + 1] - problem.cptr[i]
     return total
 
 
@@ -265,20 +271,20 @@ def refresh(problem: Problem, state: State) -> None:
     for j in range(len(state.rows)):
         state.rows[j]["supply"] = 0.0
     cost = 0.0
-    for s in range(state.count[SIZE]):
+    for s in range(state.counts[SIZE]):
         i = state.candidates[s]["plan"]
         cost += problem.cost[i]
         for t in range(problem.cptr[i], problem.cptr[i + 1]):
             state.rows[problem.columns[t]["row"]]["supply"] += problem.columns[t]["entry"]
     state.value[COST] = cost
-    state.count[SHORT] = 0
+    state.counts[SHORT] = 0
     for j in range(len(state.rows)):
         state.rows[j]["spot"] = -1
         if 1.0 - state.rows[j]["supply"] > TOLERANCE:
-            state.rows[j]["spot"] = state.count[SHORT]
-            state.rows[state.count[SHORT]]["lacking"] = j
-            state.count[SHORT] += 1
-    for s in range(state.count[SIZE]):
+            state.rows[j]["spot"] = state.counts[SHORT]
+            state.rows[state.counts[SHORT]]["lacking"] = j
+            state.counts[SHORT] += 1
+    for s in range(state.counts[SIZE]):
         i = state.candidates[s]["plan"]
         own = 0.0
         for t in range(problem.cptr[i], problem.cptr[i + 1]):
@@ -286,6 +292,6 @@ def refresh(problem: Problem, state: State) -> None:
             deficit = 1.0 - state.rows[j]["supply"]
             own += state.rows[j]["weight"] * (penalty(deficit + problem.columns[t]["entry"]) - penalty(deficit))
         state.candidates[i]["loss"] = own
-    if state.count[KEEPS] == 1:
+    if state.counts[KEEPS] == 1:
         for i in range(len(problem.cost)):
             state.candidates[i]["worth"] = gain(problem, state, i)

@@ -137,4 +137,4 @@ def ascend(problem: Problem, state: Multipliers, steps: int, goal: float) -> flo
         step = state.value[1] * (goal - total) / norm
         for j in range(m):
             state.y[j] = max(0.0, state.y[j] + step * state.direction[j])
-    return state.value[0]
+    return float(state.value[0])

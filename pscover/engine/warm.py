@@ -80,7 +80,9 @@ class Warming:
             if not is_on_disk():
                 # Compiling here would keep the caller's thread from running; what the process compiles is found on disk.
                 line = [sys.executable, "-c", COMPILE, *sys.path]
-                subprocess.run(line, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
+                subprocess.run(
+                    line, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False
+                )
             self._loading.set()
             prepare()
         except BaseException as error:
@@ -100,7 +102,7 @@ _lock = threading.Lock()
 
 def warming() -> Warming:
     """The kernels of this process, started to get ready at the first call."""
-    global _warming  # noqa: PLW0603
+    global _warming
     with _lock:
         if _warming is None:
             _warming = Warming()

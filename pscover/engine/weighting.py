@@ -1,5 +1,7 @@
 """Local search under row weights: drop what is least missed, cover a random short row, let short rows weigh more."""
 
+# ruff: noqa: SIM110
+# Loops, since generators do not compile.
 from __future__ import annotations
 
 from .greedy import prune
@@ -42,7 +44,7 @@ def search(problem: Problem, state: State, work: int, moves: int) -> bool:
     After Gao, Weise and Li (2015), with fractional entries, costs and cliques: a candidate may push out those that it
     conflicts with. `state.value[STEP]` is the least by which a better plan must be cheaper.
     """
-    count, value = state.count, state.value
+    count, value = state.counts, state.value
     end = count[WORK] + work
     while count[WORK] < end and count[MOVES] < moves:
         if count[SHORT] == 0:
@@ -73,7 +75,7 @@ def search(problem: Problem, state: State, work: int, moves: int) -> bool:
 @kernel
 def adopt(problem: Problem, state: State, plan: IntArray) -> None:
     """Make a plan, free of conflicts, the one that is searched from."""
-    while state.count[SIZE] > 0:
+    while state.counts[SIZE] > 0:
         take_out(problem, state, state.candidates[0]["plan"])
     for i in plan:
         if state.candidates[i]["taken"] == 0:
@@ -83,16 +85,20 @@ def adopt(problem: Problem, state: State, plan: IntArray) -> None:
 @inner
 def _least_missed(problem: Problem, state: State) -> int:
     """The candidate of the plan of least loss per cost, the one that is there longest among equals."""
-    best, best_score, now = -1, 0.0, state.count[MOVES]
-    size = state.count[SIZE]
+    best, best_score, now = -1, 0.0, state.counts[MOVES]
+    size = state.counts[SIZE]
     for s in range(size):
         i = state.candidates[s]["plan"]
         if state.candidates[i]["frozen"] >= now:
             continue
         score = state.candidates[i]["loss"] / max(problem.cost[i], 1e-12)
-        if best < 0 or score < best_score or (score == best_score and state.candidates[i]["moved"] < state.candidates[best]["moved"]):
+        if (
+            best < 0
+            or score < best_score
+            or (score == best_score and state.candidates[i]["moved"] < state.candidates[best]["moved"])
+        ):
             best, best_score = i, score
-    state.count[WORK] += size // 4 + 1
+    state.counts[WORK] += size // 4 + 1
     if best < 0:
         best = state.candidates[draw(state.random, size)]["plan"]
     return best
@@ -101,7 +107,7 @@ def _least_missed(problem: Problem, state: State) -> int:
 @inner
 def _cover(problem: Problem, state: State) -> None:
     """Put in candidates for short rows as far as the cost allows."""
-    count, value = state.count, state.value
+    count, value = state.counts, state.value
     now = count[MOVES]
     for _ in range(ADDITIONS):
         if count[SHORT] == 0:
@@ -126,7 +132,7 @@ def _cover(problem: Problem, state: State) -> None:
 @inner
 def _best_of_row(problem: Problem, state: State, j: int) -> int:
     """The candidate that takes most penalty off for its cost, net of what it pushes out; -1 if none may be put in."""
-    count, value = state.count, state.value
+    count, value = state.counts, state.value
     begin, end = problem.rptr[j], problem.rptr[j + 1]
     length = end - begin
     best, best_score, now = -1, 0.0, count[MOVES]
@@ -150,7 +156,11 @@ def _best_of_row(problem: Problem, state: State, j: int) -> int:
         # While any plan will do, a move may make things worse: weights lead on. Later it would undo what was put in.
         if net <= 0.0 and value[LIMIT] < 1e300:
             continue
-        if best < 0 or score > best_score or (score == best_score and state.candidates[i]["moved"] < state.candidates[best]["moved"]):
+        if (
+            best < 0
+            or score > best_score
+            or (score == best_score and state.candidates[i]["moved"] < state.candidates[best]["moved"])
+        ):
             best, best_score = i, score
     return best
 
@@ -178,7 +188,7 @@ def _net(problem: Problem, state: State, i: int) -> tuple[float, float]:
             blocked = True
             freed += problem.cost[out]
             lost += _shift(problem, state, out, -1.0)
-    net = (gain(problem, state, i) if blocked or state.count[KEEPS] == 0 else state.candidates[i]["worth"]) - lost
+    net = (gain(problem, state, i) if blocked or state.counts[KEEPS] == 0 else state.candidates[i]["worth"]) - lost
     if blocked:
         for t in range(first, last):
             out = state.occupant[problem.gclq[t]]
@@ -206,5 +216,5 @@ def _shift(problem: Problem, state: State, out: int, sign: float) -> float:
         state.rows[j]["supply"] += sign * w
         after = deficit - sign * w
         grown += state.rows[j]["weight"] * (penalty(after) - penalty(deficit))
-    state.count[WORK] += to - from_
+    state.counts[WORK] += to - from_
     return grown
