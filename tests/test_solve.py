@@ -94,7 +94,7 @@ def test_explaining_infeasibility_keeps_the_deadline() -> None:
     random = np.random.default_rng(1)
     pairs = [(i, j) for i in range(400) for j in range(i) if random.random() < 0.1]
     instance = Instance.of(random.uniform(0.001, 0.003, (1, 400)), required=0.9, conflicts=pairs)
-    result = pscover.solve(instance, backend="greedy", time=0.3)
+    result = pscover.solve(instance, backend="greedy", time=3.0)
     assert result.status is Status.INFEASIBLE
     assert result.diagnosis is not None
     (found,) = result.diagnosis.unreachable

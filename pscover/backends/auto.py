@@ -18,7 +18,7 @@ from pscover.presolve import components, presolve
 from pscover.presolve.reduced import Outcome, Reduced
 from pscover.result import Answer, Observer, Progress, Settings, Status
 
-from ._cover import hopeless_rows
+from ._cover import Search, hopeless_rows
 from ._kernels import await_kernels, feasible_start, least_step, plain_plan, refusal
 from ._session import CLAIMED, Session
 
@@ -29,6 +29,10 @@ IntArray = NDArray[np.int32]
 
 BURST = 0.02
 """Seconds of search of one block before the next has its turn."""
+RATE = 2e5
+"""Entries that branch and bound takes in a second before it brings anything."""
+LARGE = 10_000
+"""Entries of a form from which on a greedy plan is reported before presolve."""
 PRESOLVE = 0.1
 """The part of the time that presolve may take."""
 SHORTEST = 0.3
@@ -71,6 +75,7 @@ class Auto:
         form = as_cover(model)
         if len(hopeless_rows(form)):
             return session.answer(Status.INFEASIBLE)
+        _early_plan(form, session)
         reduced = presolve(form, over=_for_at_most(PRESOLVE * session.left, session))
         if reduced.status is Outcome.INFEASIBLE:
             return session.answer(Status.INFEASIBLE)
@@ -82,6 +87,16 @@ class Auto:
                 session.plan(plan, float(form.c[plan].sum()) + model.offset)
             return _by_highs(session, settings.start if session.chosen is None else tuple(session.chosen.tolist()))
         return _Run(form, reduced, session, self.share).answer()
+
+
+def _early_plan(form: CoverForm, session: Session) -> None:
+    """A greedy plan before anything that may take long."""
+    if session.chosen is not None or form.W.nnz <= LARGE:
+        return
+    search = Search(form)
+    if search.complete(session.over):
+        search.reverse_delete()
+        session.plan(search.chosen, search.cost + session.model.offset)
 
 
 def _for_at_most(seconds: float, session: Session) -> Callable[[], bool]:
@@ -154,11 +169,11 @@ class _Run:
             return
         self._settle(0.3 * session.left if math.isfinite(session.left) else 1e9)
         for block in self._open():
-            if not session.over() and session.left > SHORTEST:
+            if not session.over() and self.share * session.left > SHORTEST + block.problem.lines.size / RATE:
                 self._branch(block)
         while math.isfinite(session.left) and self._open() and not session.over():
             for block in self._open():
-                block.widen()
+                block.refocus()
             self._settle(session.left)
 
     def _settle(self, seconds: float) -> None:
@@ -182,7 +197,7 @@ class _Run:
     def _attend(self, block: Block) -> bool:
         """Give one block a burst of search and, until it has settled, of bounding; whether something got better."""
         session, moved = self.session, False
-        end = perf_counter() + BURST
+        end = perf_counter() + (BURST if block.is_focused else 0.0)
         while perf_counter() < end and block.is_open and not session.over():
             if block.search():
                 moved = True

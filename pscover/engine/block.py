@@ -36,6 +36,8 @@ LONGEST = 150_000
 """Most entries for which rows are solved one by one: a step must not take long."""
 PATIENCE = 300
 """Moves a row without a better plan after which a search counts as idle."""
+AIM = 1.1
+"""Steps aim at the best bound times this, where that is below the plan's cost: far aims overshoot."""
 SHORTEST = 2e-3
 """Steps shorter than this, relative to what would reach the plan's cost, no longer raise the bound."""
 
@@ -61,6 +63,7 @@ class Block:
         self.seed = seed
         self.step = step
         self.problem, self.kept = problem_of(form)
+        self.is_fractional = bool((form.W.data < 1 - 1e-9).any())
         self.plan: IntArray | None = None
         self.cost = math.inf
         self.bound = 0.0
@@ -83,6 +86,16 @@ class Block:
     def is_settled(self) -> bool:
         """Whether neither bound rises any more."""
         return self._stall >= 2 and self._has_tightened
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether there are so many candidates that the search had better look at favoured ones only."""
+        return self.problem.candidates > WIDE * self.problem.rows and not self.is_fractional
+
+    @property
+    def is_focused(self) -> bool:
+        """Whether the search knows where to look: it need not, or multipliers have told."""
+        return self.has_core or self.plan is None or not self.is_wide
 
     @property
     def is_idle(self) -> bool:
@@ -157,7 +170,9 @@ class Block:
         if self.multipliers is None:
             self.multipliers = multipliers(self.problem)
         before = float(self.multipliers.value[0])
-        goal = self.cost if math.isfinite(self.cost) else 2 * max(1.0, before) + 1
+        goal = min(self.cost, AIM * before) if before > 0 else self.cost
+        if not math.isfinite(self.cost):
+            goal = 2 * max(1.0, before) + 1
         size = 2 * len(self.problem.lines) + self.problem.candidates + self.problem.rows
         bound = float(ascend(self.problem, self.multipliers, max(1, min(STEPS, WORK // (size + 1))), goal))
         self._stall = self._stall + 1 if self.multipliers.value[LENGTH] <= SHORTEST else 0
@@ -168,12 +183,12 @@ class Block:
 
     def _tighten(self) -> bool:
         """A few steps on the shares of the rows; whether the bound rose."""
-        from .rowwise import LENGTH, improve, is_useful, shares
+        from .rowwise import LENGTH, improve, shares
 
         assert self.multipliers is not None
         entries = len(self.problem.lines)
         if self.shares is None:
-            if not is_useful(self.problem) or entries > LONGEST or not math.isfinite(self.cost):
+            if not self.is_fractional or entries > LONGEST or not math.isfinite(self.cost):
                 self._has_tightened = True
                 return False
             self.shares = shares(self.problem, self.multipliers.kept)
@@ -193,15 +208,10 @@ class Block:
         if math.isfinite(self.cost):
             fixed = fix_by_reduced_cost(self.form, reduced, lower, self.cost, step=self.step)
             self._leave_out(np.isin(self.kept, fixed.zero))
-        if not self.has_core and self.problem.candidates > WIDE * self.problem.rows and not self._is_fractional():
+        self.has_core = True
+        if self.is_wide:
             core = self.form.allowed & self._favoured(reduced)
             self._hunt_in(*problem_of(CoverForm(c=self.form.c, W=self.form.W, P=self.form.P, allowed=core)))
-        self.has_core = True
-
-    def _is_fractional(self) -> bool:
-        from .rowwise import is_useful
-
-        return is_useful(self.problem)
 
     def _leave_out(self, gone: NDArray[np.bool_]) -> None:
         """Go on without some of the candidates kept, if they are many."""
@@ -221,10 +231,11 @@ class Block:
         self.hunt = None
         self.enumerate()
 
-    def widen(self) -> None:
-        """Search all candidates after the favoured ones."""
-        if self.hunt is not None and len(self.hunted) < len(self.kept):
-            self._hunt_in(self.problem, self.kept)
+    def refocus(self) -> None:
+        """Choose anew which candidates are favoured, by the multipliers as they are now, once the search is idle."""
+        if self.is_wide and self.is_idle and self.multipliers is not None:
+            self.seed += 1
+            self._shrink_by_multipliers()
 
     def model(self) -> tuple[Model, IntArray]:
         """What is left as a model, and its candidates in the block."""

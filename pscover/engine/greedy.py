@@ -32,7 +32,7 @@ def complete(problem: Problem, state: State, price: FloatArray) -> bool:
     for s in range(size // 2 - 1, -1, -1):
         _sink(heap, score, size, s)
     while state.counts[SHORT] > 0 and size > 0:
-        i = heap[0]
+        i = int(heap[0])
         if not is_free(problem, state, i):
             size -= 1
             heap[0] = heap[size]
@@ -74,7 +74,7 @@ def prune(problem: Problem, state: State) -> None:
     while True:
         worst = -1
         for s in range(state.counts[SIZE]):
-            i = state.candidates[s]["plan"]
+            i = int(state.candidates[s]["plan"])
             if (
                 state.candidates[i]["loss"] <= NOISE
                 and (worst < 0 or problem.cost[i] > problem.cost[worst])

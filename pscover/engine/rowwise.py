@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .jit import inner, kernel
+from .jit import copy, inner, kernel
 from .problem import FloatArray, IntArray, Problem
 
 UNITS = 120
@@ -48,11 +48,6 @@ class Shares(NamedTuple):
     chosen: IntArray
     penalty: FloatArray
     value: FloatArray
-
-
-def is_useful(problem: Problem) -> bool:
-    """Whether rows have entries below 1: otherwise a row alone says no more than the linear relaxation."""
-    return bool((problem.lines["entry"] < 1 - 1e-9).any())
 
 
 def shares(problem: Problem, y: FloatArray) -> Shares:
@@ -121,15 +116,15 @@ def improve(problem: Problem, state: Shares, steps: int, goal: float) -> float:
         total *= 1.0 - 1e-11
         if total > state.value[BOUND]:
             state.value[BOUND] = total
-            state.kept[:] = state.share
-            state.penalty[:] = penalty
+            copy(state.kept, state.share)
+            copy(state.penalty, penalty)
         state.value[STEPS] += 1
         if state.value[STEPS] % 10 == 0:
             if state.value[BOUND] > state.value[TOP] + 1e-4 * abs(state.value[TOP]):
                 state.value[LENGTH] = min(1.0, state.value[LENGTH] * 1.25)
             else:
                 state.value[LENGTH] *= 0.5
-                state.share[:] = state.kept
+                copy(state.share, state.kept)
             state.value[TOP] = state.value[BOUND]
         if goal <= total:
             break
@@ -182,7 +177,7 @@ def _solve_row(state: Shares, j: int, least: FloatArray, before: FloatArray, pic
             if price <= upper:
                 if not begun:
                     begun = True
-                    before[:] = least
+                    copy(before, least)
                     for d in range(UNITS + 1):
                         picks[height, d] = -1
                 for d in range(UNITS + 1):

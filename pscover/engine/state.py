@@ -139,7 +139,7 @@ def put(problem: Problem, state: State, i: int) -> None:
         state.occupant[problem.gclq[t]] = i
     own = 0.0
     for t in range(problem.cptr[i], problem.cptr[i + 1]):
-        j, w = problem.columns[t]["row"], problem.columns[t]["entry"]
+        j, w = int(problem.columns[t]["row"]), problem.columns[t]["entry"]
         y = state.rows[j]["weight"]
         old = 1.0 - state.rows[j]["supply"]
         new = old - w
@@ -178,7 +178,7 @@ def take_out(problem: Problem, state: State, i: int) -> None:
     for t in range(problem.gptr[i], problem.gptr[i + 1]):
         state.occupant[problem.gclq[t]] = -1
     for t in range(problem.cptr[i], problem.cptr[i + 1]):
-        j, w = problem.columns[t]["row"], problem.columns[t]["entry"]
+        j, w = int(problem.columns[t]["row"]), problem.columns[t]["entry"]
         y = state.rows[j]["weight"]
         old = 1.0 - state.rows[j]["supply"]
         new = old + w
@@ -248,7 +248,7 @@ def gain(problem: Problem, state: State, i: int) -> float:
     """By how much the weighted penalty falls when a candidate is put in."""
     total = 0.0
     for t in range(problem.cptr[i], problem.cptr[i + 1]):
-        j = problem.columns[t]["row"]
+        j = int(problem.columns[t]["row"])
         deficit = 1.0 - state.rows[j]["supply"]
         if deficit > TOLERANCE:
             total += state.rows[j]["weight"] * (penalty(deficit) - penalty(deficit - problem.columns[t]["entry"]))
@@ -272,7 +272,7 @@ def refresh(problem: Problem, state: State) -> None:
         state.rows[j]["supply"] = 0.0
     cost = 0.0
     for s in range(state.counts[SIZE]):
-        i = state.candidates[s]["plan"]
+        i = int(state.candidates[s]["plan"])
         cost += problem.cost[i]
         for t in range(problem.cptr[i], problem.cptr[i + 1]):
             state.rows[problem.columns[t]["row"]]["supply"] += problem.columns[t]["entry"]
@@ -285,10 +285,10 @@ def refresh(problem: Problem, state: State) -> None:
             state.rows[state.counts[SHORT]]["lacking"] = j
             state.counts[SHORT] += 1
     for s in range(state.counts[SIZE]):
-        i = state.candidates[s]["plan"]
+        i = int(state.candidates[s]["plan"])
         own = 0.0
         for t in range(problem.cptr[i], problem.cptr[i + 1]):
-            j = problem.columns[t]["row"]
+            j = int(problem.columns[t]["row"])
             deficit = 1.0 - state.rows[j]["supply"]
             own += state.rows[j]["weight"] * (penalty(deficit + problem.columns[t]["entry"]) - penalty(deficit))
         state.candidates[i]["loss"] = own

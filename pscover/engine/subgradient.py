@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .jit import kernel
+from .jit import copy, kernel
 from .problem import FloatArray, Problem
 
 PERIOD = 20
@@ -111,8 +111,8 @@ def ascend(problem: Problem, state: Multipliers, steps: int, goal: float) -> flo
         total -= 1e-12 * size
         if total > state.value[0]:
             state.value[0] = total
-            state.kept[:] = state.y
-            state.reduced[:] = reduced
+            copy(state.kept, state.y)
+            copy(state.reduced, reduced)
         state.value[2] = min(state.value[2], total)
         state.value[3] = max(state.value[3], total)
         state.value[4] += 1
@@ -122,7 +122,7 @@ def ascend(problem: Problem, state: Multipliers, steps: int, goal: float) -> flo
                 state.value[1] = min(2.0, state.value[1] * 1.3)
             elif state.value[3] <= state.value[5]:
                 state.value[1] = max(1e-4, state.value[1] * 0.6)
-                state.y[:] = state.kept
+                copy(state.y, state.kept)
             state.value[5] = state.value[0]
             state.value[2], state.value[3] = np.inf, -np.inf
         norm = 0.0

@@ -76,10 +76,10 @@ def search(problem: Problem, state: State, work: int, moves: int) -> bool:
 def adopt(problem: Problem, state: State, plan: IntArray) -> None:
     """Make a plan, free of conflicts, the one that is searched from."""
     while state.counts[SIZE] > 0:
-        take_out(problem, state, state.candidates[0]["plan"])
+        take_out(problem, state, int(state.candidates[0]["plan"]))
     for i in plan:
         if state.candidates[i]["taken"] == 0:
-            put(problem, state, i)
+            put(problem, state, int(i))
 
 
 @inner
@@ -88,7 +88,7 @@ def _least_missed(problem: Problem, state: State) -> int:
     best, best_score, now = -1, 0.0, state.counts[MOVES]
     size = state.counts[SIZE]
     for s in range(size):
-        i = state.candidates[s]["plan"]
+        i = int(state.candidates[s]["plan"])
         if state.candidates[i]["frozen"] >= now:
             continue
         score = state.candidates[i]["loss"] / max(problem.cost[i], 1e-12)
@@ -100,7 +100,7 @@ def _least_missed(problem: Problem, state: State) -> int:
             best, best_score = i, score
     state.counts[WORK] += size // 4 + 1
     if best < 0:
-        best = state.candidates[draw(state.random, size)]["plan"]
+        best = int(state.candidates[draw(state.random, size)]["plan"])
     return best
 
 
@@ -112,18 +112,18 @@ def _cover(problem: Problem, state: State) -> None:
     for _ in range(ADDITIONS):
         if count[SHORT] == 0:
             return
-        j = state.rows[draw(state.random, count[SHORT])]["lacking"]
+        j = int(state.rows[draw(state.random, count[SHORT])]["lacking"])
         i = _best_of_row(problem, state, j)
         if i >= 0:
             for t in range(problem.gptr[i], problem.gptr[i + 1]):
-                out = state.occupant[problem.gclq[t]]
+                out = int(state.occupant[problem.gclq[t]])
                 if out >= 0:
                     take_out(problem, state, out)
                     state.candidates[out]["frozen"] = now + 2 + draw(state.random, 4)
             put(problem, state, i)
             state.candidates[i]["frozen"] = now + 1 + draw(state.random, 3)
         for s in range(count[SHORT]):
-            weigh(problem, state, state.rows[s]["lacking"], 1.0)
+            weigh(problem, state, int(state.rows[s]["lacking"]), 1.0)
         count[WORK] += count[SHORT]
         if i < 0 or value[LIMIT] > 1e300:
             return
@@ -142,7 +142,7 @@ def _best_of_row(problem: Problem, state: State, j: int) -> int:
         length = SAMPLE
     count[WORK] += length
     for _ in range(length):
-        i = problem.lines[begin + at]["candidate"]
+        i = int(problem.lines[begin + at]["candidate"])
         at += 1
         if begin + at == end:
             at = 0
@@ -183,7 +183,7 @@ def _net(problem: Problem, state: State, i: int) -> tuple[float, float]:
     first, last = problem.gptr[i], problem.gptr[i + 1]
     blocked = False
     for t in range(first, last):
-        out = state.occupant[problem.gclq[t]]
+        out = int(state.occupant[problem.gclq[t]])
         if out >= 0 and not _was_seen(problem, state, i, t, out):
             blocked = True
             freed += problem.cost[out]
@@ -191,7 +191,7 @@ def _net(problem: Problem, state: State, i: int) -> tuple[float, float]:
     net = (gain(problem, state, i) if blocked or state.counts[KEEPS] == 0 else state.candidates[i]["worth"]) - lost
     if blocked:
         for t in range(first, last):
-            out = state.occupant[problem.gclq[t]]
+            out = int(state.occupant[problem.gclq[t]])
             if out >= 0 and not _was_seen(problem, state, i, t, out):
                 _shift(problem, state, out, 1.0)
     return net, freed
