@@ -19,7 +19,7 @@ class Backend(Protocol):
         Whether it proves optimality, given time.
     isolated
         Whether it must run in a process of its own, so that a deadline or Ctrl-C can end it. False only for engines
-        that look at the clock and at the observer themselves.
+        that look at the clock and at the observer themselves; under a deadline, large models go to a process all the same.
     requires
         Importable names of the optional packages it needs.
     extra

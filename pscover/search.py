@@ -23,6 +23,8 @@ from pscover.result import VALUE_TOLERANCE, Answer, Observer, Progress, Settings
 CHEAP = 2.0**-10
 """Costs that are all below this are multiplied by a power of two for the engine, whose tolerances would swallow them."""
 
+INLINE_LIMIT = 1_000_000
+"""Most entries of a model that an engine may have in the caller's process when there is a deadline."""
 CUT_ROUNDS = 50
 """How often a plan that an engine's tolerances let through is cut off before its shortfall is reported instead."""
 
@@ -149,6 +151,11 @@ class Search:
             model = _cut(model, groups)
         return answer
 
+    def _outgrows_inline(self, engine: Backend, model: Model) -> bool:
+        """Whether single steps of an engine may outlast a deadline: it looks at the clock only between them."""
+        is_importable = type(engine).__module__ != "__main__"
+        return is_importable and model.nonzeros > INLINE_LIMIT and math.isfinite(self.clock.seconds)
+
     def _engine(self, engine: Backend, model: Model, settings: Settings, stage: int, bound: float) -> Answer:
         seen = self.note(bound, stage)
         unit = _unit(model)
@@ -157,7 +164,7 @@ class Search:
             return seen(replace(progress, bound=progress.bound / unit))
 
         priced = model if unit == 1 else replace(model, c=model.c * unit, offset=model.offset * unit)
-        if engine.isolated:
+        if engine.isolated or self._outgrows_inline(engine, priced):
             answer = isolate.run(engine, priced, settings, heard, self.clock)
         else:
             try:

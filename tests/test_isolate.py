@@ -15,7 +15,7 @@ import pscover
 from pscover import EngineFailed, Instance, Refused, Result, Status, Stop, isolate
 
 sys.path.insert(0, str(Path(__file__).parent))
-from engines import Misbehaving
+from engines import Inline, Misbehaving
 
 INSTANCE = Instance.of([[0.8, 0.0, 0.75], [0.0, 0.9, 0.75]], required=0.7)
 
@@ -199,3 +199,10 @@ def test_an_engine_from_a_script_says_what_to_do(tmp_path: Path) -> None:
     assert "must be importable: define it in a module of its own, or set isolated = False" in done.stdout
     assert done.stdout.endswith("1.0\n")
     assert done.stderr == ""
+
+
+def test_large_models_are_isolated_under_a_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pscover.search.INLINE_LIMIT", 0)
+    result = pscover.solve(INSTANCE, backend=Inline(then="sleep"), time=1.0)
+    assert (result.status, result.stop) == (Status.UNKNOWN, Stop.TIME)
+    assert result.timing.total < 30
