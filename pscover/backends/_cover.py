@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-from pscover.model import CoverForm
+from pscover.errors import Refused
+from pscover.model import CoverForm, Model, as_cover
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -195,6 +196,15 @@ class Search:
         for i in plan:
             if self.form.allowed[i] and not self.taken[i] and self.blocks[i] == 0:
                 self.add(int(i))
+
+
+def refusal(model: Model) -> str | None:
+    """Why a model is not covering and packing over binaries, or None."""
+    try:
+        as_cover(model)
+    except Refused as reason:
+        return str(reason)
+    return None
 
 
 def hopeless_rows(form: CoverForm) -> IntArray:

@@ -8,8 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from pscover.errors import Refused
-from pscover.model import CoverForm, Model, as_cover
+from pscover.model import CoverForm
 
 from ._cover import Search, repair
 from ._session import Session
@@ -20,15 +19,6 @@ PAUSE = 2e-3
 """Seconds between two looks at whether the kernels are ready."""
 MOVES = 2000
 """Most repair moves in numpy."""
-
-
-def refusal(model: Model) -> str | None:
-    """Why a model is not covering and packing over binaries, or None."""
-    try:
-        as_cover(model)
-    except Refused as reason:
-        return str(reason)
-    return None
 
 
 def least_step(cost: FloatArray) -> float:

@@ -18,8 +18,8 @@ from pscover.presolve import components, presolve
 from pscover.presolve.reduced import Outcome, Reduced
 from pscover.result import Answer, Observer, Progress, Settings, Status
 
-from ._cover import Search, hopeless_rows
-from ._kernels import await_kernels, feasible_start, least_step, plain_plan, refusal
+from ._cover import Search, hopeless_rows, refusal
+from ._kernels import await_kernels, feasible_start, least_step, plain_plan
 from ._session import CLAIMED, Session
 
 if TYPE_CHECKING:

@@ -7,11 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from pscover.errors import Refused
 from pscover.model import CoverForm, Model, as_cover
 from pscover.result import Answer, Observer, Settings, Status
 
-from ._cover import Search, dual_bound, hopeless_rows, repair
+from ._cover import Search, dual_bound, hopeless_rows, refusal, repair
 from ._session import Session
 
 
@@ -47,11 +46,7 @@ class Greedy:
 
     def refuses(self, model: Model) -> str | None:
         """Anything but covering and packing rows over binaries with costs of at least 0."""
-        try:
-            as_cover(model)
-        except Refused as reason:
-            return str(reason)
-        return None
+        return refusal(model)
 
     def solve(self, model: Model, settings: Settings, observe: Observer) -> Answer:
         """Greedy choice, repair where stuck, reverse delete; the start, if feasible, is improved by reverse delete."""

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pscover.model import CoverForm, Model, as_cover
 from pscover.result import Answer, Observer, Settings, Status
 
-from ._cover import dual_bound, hopeless_rows
-from ._kernels import await_kernels, feasible_start, least_step, plain_plan, refusal
+from ._cover import dual_bound, hopeless_rows, refusal
+from ._kernels import await_kernels, feasible_start, least_step, plain_plan
 from ._session import Session
 
 if TYPE_CHECKING:

@@ -9,11 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pscover.errors import Refused
 from pscover.model import Model, as_cover
 from pscover.result import Answer, Observer, Settings, Status
 
-from ._cover import Search, hopeless_rows, repair
+from ._cover import Search, hopeless_rows, refusal, repair
 from ._session import Session
 from .highs import configure, load
 
@@ -52,11 +51,7 @@ class LpRounding:
 
     def refuses(self, model: Model) -> str | None:
         """Anything but covering and packing rows over binaries with costs of at least 0."""
-        try:
-            as_cover(model)
-        except Refused as reason:
-            return str(reason)
-        return None
+        return refusal(model)
 
     def solve(self, model: Model, settings: Settings, observe: Observer) -> Answer:
         """Bound by the relaxation, plans by rounding it; each improvement is reported."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from dataclasses import dataclass
 from os import PathLike
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pscover.errors import InvalidSettings, MissingDependency
-from pscover.figures.scene import FORMATS, INK, MUTED, PAPER, draw_outlines, palette, tinted
+from pscover.figures.scene import INK, MUTED, PAPER, check_format, draw_outlines, palette, rendered, tinted
 from pscover.files import write_bytes
 from pscover.grasping.partition import partition
 from pscover.planning import Plan
@@ -121,13 +120,8 @@ def render_plan(plan: Plan, kind: str = "png", style: PlanStyle = STYLE) -> byte
     MissingDependency
         Without matplotlib.
     """
-    if kind not in FORMATS:
-        raise InvalidSettings(f"picture: expected one of {', '.join(FORMATS)}, got {kind!r}")
-    content = io.BytesIO()
-    # No date: drawing a plan again is no change.
-    dated = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}[kind]
-    plan_figure(plan, style).savefig(content, format=kind, metadata=dated)
-    return content.getvalue()
+    check_format(kind)
+    return rendered(plan_figure(plan, style), kind)
 
 
 def save_plan_figure(plan: Plan, path: str | PathLike[str], style: PlanStyle = STYLE) -> None:

@@ -105,6 +105,20 @@ def scene_figure(seen: Seen, width: int = 1200) -> Figure:
     return figure
 
 
+def check_format(kind: str) -> None:
+    """Raise `InvalidSettings` for a kind of file that no picture is written as."""
+    if kind not in FORMATS:
+        raise InvalidSettings(f"picture: expected one of {', '.join(FORMATS)}, got {kind!r}")
+
+
+def rendered(figure: Figure, kind: str) -> bytes:
+    """A figure as the content of a file of one of `FORMATS`, without a date: drawing it again is no change."""
+    content = io.BytesIO()
+    dated = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}[kind]
+    figure.savefig(content, format=kind, metadata=dated)
+    return content.getvalue()
+
+
 def render_scene(seen: Seen, kind: str = "png", width: int = 1200) -> bytes:
     """The picture as the content of a PNG, SVG or PDF file.
 
@@ -115,13 +129,8 @@ def render_scene(seen: Seen, kind: str = "png", width: int = 1200) -> bytes:
     MissingDependency
         Without matplotlib.
     """
-    if kind not in FORMATS:
-        raise InvalidSettings(f"picture: expected one of {', '.join(FORMATS)}, got {kind!r}")
-    content = io.BytesIO()
-    # No date: drawing a scene again is no change.
-    dated = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}[kind]
-    scene_figure(seen, width).savefig(content, format=kind, metadata=dated)
-    return content.getvalue()
+    check_format(kind)
+    return rendered(scene_figure(seen, width), kind)
 
 
 def save_scene_figure(seen: Seen, path: str | PathLike[str], width: int = 1200) -> None:
