@@ -1,0 +1,1 @@
+"""How to clear the table: one policy a file, chosen by name."""
