@@ -173,7 +173,9 @@ def _status(answer: Answer, formulation: Formulation, model: Model, search: Sear
         return Status.FEASIBLE
     # Where all costs are tiny, so are the differences that count.
     cheapest = float(np.min(np.abs(model.c[model.c != 0]), initial=1.0))
-    slack = VALUE_TOLERANCE * max(cheapest, abs(search.objective)) + formulation.tolerance
+    # A relaxation of unknown quality has an infinite tolerance: then only a bound that is met is a proof.
+    tolerance = formulation.tolerance if math.isfinite(formulation.tolerance) else 0.0
+    slack = VALUE_TOLERANCE * max(cheapest, abs(search.objective)) + tolerance
     is_close = search.objective <= answer.bound + slack
     return Status.OPTIMAL if is_close or relative_gap(search.objective, answer.bound) <= settings.gap else Status.FEASIBLE
 

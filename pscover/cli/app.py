@@ -16,7 +16,7 @@ from pscover.errors import UnknownName
 
 COMMANDS = (
     *("plan", "segment", "solve", "verify", "info", "compare", "convert", "generate"),
-    *("backends", "formulations", "segmenters", "models"),
+    *("backends", "formulations", "segmenters", "models", "doctor"),
 )
 """In the order of `--help`; each is `command` in the module of that name."""
 
