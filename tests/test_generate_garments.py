@@ -105,3 +105,26 @@ def test_the_papers_series() -> None:
     found = dict(series())
     assert [instance.elements for instance in found.values()] == list(COUNTS)
     assert next(iter(found)) == "garments-05"
+
+
+def test_painted_garments_are_found_where_they_lie() -> None:
+    """Where garments keep apart, colour tells them from the table: what is segmented is what was placed."""
+    pytest.importorskip("cv2")
+    pytest.importorskip("skimage")
+    from pscover.generate.paint import paint
+    from pscover.perception.perceive import perceive
+
+    scene = garments(8, seed=3)
+    found = perceive(paint(scene, seed=1)).scene.labels > 0
+    truth = scene.labels > 0
+    assert (found & truth).sum() / (found | truth).sum() > 0.9
+
+
+def test_the_same_seed_paints_the_same_photo() -> None:
+    from pscover.generate.paint import paint
+
+    scene = garments(4, seed=0)
+    assert (paint(scene, 1) == paint(scene, 1)).all()
+    assert (paint(scene, 1) != paint(scene, 2)).any()
+    with pytest.raises(InvalidSettings, match="seed"):
+        paint(scene, -1)

@@ -34,6 +34,7 @@ def command() -> None:
     "--required", type=float, default=0.7, show_default=True, help="In an instance: the requirement of each garment."
 )
 @click.option("--output", "-o", type=FILE, required=True, metavar="FILE", help=".png: the scene; else: its instance.")
+@click.option("--photo", type=FILE, metavar="FILE", help="Also paint the scene as a camera might see it: .png or .jpg.")
 @quiet_option
 def garments_command(
     count: int,
@@ -44,27 +45,30 @@ def garments_command(
     height: int,
     required: float,
     output: Path,
+    photo: Path | None,
     quiet: bool,
 ) -> Exit:
     """Make a random scene of garments.
 
     A .png holds the labels of the garments, 16 bits a pixel, 0 for the surface; .json and .npz hold the instance of its
-    candidate grasps.
+    candidate grasps. --photo paints what lies there: coloured cloth with folds on a grey table, for perception to find.
 
     \b
     Examples:
-      pscover generate garments --count 12 --seed 1 -o table.png
+      pscover generate garments --count 12 --seed 1 -o table.png --photo table.jpg
       pscover generate garments --count 20 --groups 4,3 -o table.json
     """
     from dataclasses import replace
     from typing import cast
 
     from pscover.cli.label_png import encode_labels
-    from pscover.cli.output import require_writable, wrote
+    from pscover.cli.output import require_distinct, require_writable, wrote
     from pscover.files import write_bytes
     from pscover.generate.garments import Layout, garments
 
+    require_distinct(output, photo)
     require_writable(output, suffixes=(PNG, ".json", ".npz"))
+    require_writable(photo, suffixes=(PNG, ".jpg", ".jpeg"))
     scene = garments(count, seed, size=(height, width), layout=cast(Layout, layout), groups=groups)
     if output.suffix.lower() == PNG:
         write_bytes(output, encode_labels(scene.labels))
@@ -79,6 +83,12 @@ def garments_command(
         what = f"the instance of {scene.garments} garments"
     if not quiet:
         wrote(output, what)
+    if photo is not None:
+        from pscover.generate.paint import encoded, paint
+
+        write_bytes(photo, encoded(paint(scene, seed), photo.suffix.lower()))
+        if not quiet:
+            wrote(photo, "the photo")
     return Exit.VERIFIED
 
 
