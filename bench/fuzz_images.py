@@ -1,10 +1,10 @@
-"""Damage photos, label images and annotation files of every format, and read them under a limit of memory and of time.
+"""Damage photos, label and depth images and annotation files of every format, and read them in little memory and time.
 
     python bench/fuzz_images.py [--mutations 5000] [--seed 0]
 
 Every mutation must be loaded, with all masks within the image, or refused with a `PscoverError` that names the file;
 anything else (another exception, no memory, a hang, a dead process) is printed with its number, which makes it again, and
-makes the exit status 1.
+makes the exit status 1. So does a word on standard error: decoders like to put some there.
 """
 
 from __future__ import annotations
@@ -36,15 +36,20 @@ from numpy.typing import NDArray
 from pscover import PscoverError
 from pscover.images import read_labels, read_photo
 from pscover.perception.annotations import Annotations, read_annotations, write_annotations
+from pscover.perception.depth import Depth
+from pscover.perception.grid import Grid
 from pscover.perception.mask import Mask
 
 MEMORY = 2 * 2**30
 """Bytes of address space of the process that reads: NumPy, SciPy and OpenCV alone take some 0.8 GiB of it."""
 
+PRINTED = "printed on standard error"
 SECONDS = 10.0
 """For one file."""
 
 SHAPE = (48, 64)
+GRID = (24, 32)
+"""On which heights are made."""
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -66,7 +71,14 @@ class Seed:
             read_photo(path)
         elif self.name.startswith("labels"):
             read_labels(path)
-        found = None if self.name.startswith("photo") else read_annotations(path.parent if "/" in self.name else path)
+        elif self.name.startswith("depth"):
+            heights = Depth(image=path).heights(Grid(photo_shape=SHAPE, shape=GRID))
+            assert heights.metres.shape == GRID
+            assert np.isfinite(heights.metres).all()
+            assert (heights.metres >= 0).all()
+        found = (
+            None if self.name.startswith(("photo", "depth")) else read_annotations(path.parent if "/" in self.name else path)
+        )
         for mask in found.masks if found else ():
             height, width = mask.bits.shape
             assert found is not None
@@ -136,12 +148,17 @@ def seeds(folder: Path) -> list[Seed]:
     labels = read_labels(folder / "labels-8")
     stack = np.array([mask.pixels(SHAPE) for mask in found.masks])
     photo = np.random.default_rng(1).integers(0, 256, (*SHAPE, 3), dtype=np.uint8)
+    depth = (800 + np.arange(SHAPE[1]) - 40 * (labels > 0)).astype(np.uint16)
+    depth[5:9, 5:9] = 0
     table = io.StringIO()
     csv.writer(table).writerows([["id", "area", "predicted_iou"], *([k, found.masks[k].area, 0.9] for k in range(3))])
     made = {
         "photo-1.jpg": _png(photo, ".jpg"),
         "photo-2.png": _png(photo),
         "labels-8.png": (folder / "labels-8").read_bytes(),
+        "depth-1.png": _png(depth),
+        "depth-2.npy": _arrays(np.save, depth),
+        "depth-3.npy": _arrays(np.save, (depth / 1000).astype(np.float32)),
         "labels-16.png": _png((labels * 300).astype(np.uint16)),
         "records-text.json": _records(found, lambda mask: text[found.masks.index(mask)]),
         "records-runs.json": _records(found, lambda mask: runs[found.masks.index(mask)]),
@@ -251,7 +268,9 @@ def watch(seed: int, first: int, last: int) -> tuple[list[tuple[str, str, float]
         while selector.select(timeout=SECONDS if outcomes else SECONDS + 30):
             line = process.stdout.readline()
             if not line and process.wait() == 0:
-                return outcomes, "ended"
+                told.seek(0)
+                words = told.read().decode(errors="replace")
+                return outcomes, f"{PRINTED}: {words[:200]}" if words else "ended"
             if not line:
                 told.seek(0)
                 return outcomes, f"died with status {process.returncode}: {told.read().decode(errors='replace')[-200:]}"
@@ -275,7 +294,10 @@ def main() -> int:
     bad, k, slowest, peak = 0, 0, 0.0, 0.0
     while k < given.mutations:
         outcomes, end = watch(given.seed, k, given.mutations)
-        if end != "ended":
+        if end.startswith(PRINTED):
+            bad += 1
+            print(end)
+        elif end != "ended":
             outcomes.append(("none", end, 0.0))
         for kind, said, seconds in outcomes:
             if kind == "peak":

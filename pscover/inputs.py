@@ -21,6 +21,7 @@ from pscover.perception.background import Background
 from pscover.perception.cleanup import to_labels
 from pscover.perception.connectors.contract import Annotations
 from pscover.perception.connectors.label_png import painted
+from pscover.perception.depth import Depth, HeightMap
 from pscover.perception.grid import PAPER_PIXELS_PER_CM, Grid
 from pscover.perception.mask import Mask
 from pscover.perception.perceive import Perception, Settings, perceive
@@ -36,6 +37,7 @@ GREY, PALETTE = 0, 3
 """Colour types of PNG whose values may be labels."""
 FLAT = 0.5
 """Share of pixels that equal their right neighbour from which grey values are labels; a photo has noise."""
+DepthLike = Depth | str | PathLike[str] | ArrayLike
 GENERATED = frozenset({"sam-records", "sam-folder"})
 """Formats of generators that mask everything in sight, the surface too."""
 SURFACE_SHARE, SURFACE_SIDES, LARGEST_SHARE = 0.2, 3, 0.4
@@ -119,7 +121,14 @@ class Look:
     basket: tuple[float, float] | None = None
     settings: Settings = field(default_factory=Settings)
 
-    def read(self, path: str | PathLike[str], *, kind: Kind | None = None, photo: str | PathLike[str] | None = None) -> Seen:
+    def read(
+        self,
+        path: str | PathLike[str],
+        *,
+        kind: Kind | None = None,
+        photo: str | PathLike[str] | None = None,
+        depth: DepthLike | None = None,
+    ) -> Seen:
         """What a file shows.
 
         Parameters
@@ -141,16 +150,16 @@ class Look:
         """
         match kind or kind_of(path):
             case Kind.PHOTO:
-                return self.photo(path)
+                return self.photo(path, depth=depth)
             case Kind.LABELS:
-                return self._labels(path, photo)
+                return self._labels(path, photo, depth)
             case Kind.ANNOTATIONS:
-                return self._annotations(path, photo)
+                return self._annotations(path, photo, depth)
             case _:
                 raise InvalidImage(f"{path}: expected a file, got a directory; read its files one by one")
 
-    def photo(self, photo: str | PathLike[str] | ArrayLike) -> Seen:
-        """What a photo shows, given by its path or as 8-bit RGB of shape (H, W, 3).
+    def photo(self, photo: str | PathLike[str] | ArrayLike, *, depth: DepthLike | None = None) -> Seen:
+        """What a photo shows, given by its path or as 8-bit RGB of shape (H, W, 3); depth as for `read`.
 
         Examples
         --------
@@ -165,13 +174,18 @@ class Look:
         else:
             name, options = self.segmenter.name, ""
         said = f"segmented by {name}{f' ({options})' if options else ''}"
-        return found(self._perceived(photo, self.segmenter, self.options), said)
+        return found(self._perceived(photo, depth, self.segmenter, self.options), said)
 
     def _perceived(
-        self, photo: str | PathLike[str] | ArrayLike, segmenter: str | Segmenter, options: dict[str, Any]
+        self,
+        photo: str | PathLike[str] | ArrayLike,
+        depth: DepthLike | None,
+        segmenter: str | Segmenter,
+        options: dict[str, Any],
     ) -> Perception:
         return perceive(
             photo,
+            depth=depth,
             segmenter=segmenter,
             options=options,
             background=self.background,
@@ -181,14 +195,15 @@ class Look:
             settings=self.settings,
         )
 
-    def _labels(self, path: str | PathLike[str], photo: str | PathLike[str] | None) -> Seen:
+    def _labels(self, path: str | PathLike[str], photo: str | PathLike[str] | None, depth: DepthLike | None) -> Seen:
         watch = Stopwatch()
         with watch.stage("read"):
             scene = Scene.read(path, photo=photo, pixels_per_cm=self.pixels_per_cm, basket=self.basket)
         seen = Seen.whole(scene, f"labels of {scene.shape[1]} x {scene.shape[0]} pixels")
-        return replace(seen, stages=watch.stages)
+        heights = _heights(depth, seen.grid, watch)
+        return replace(seen, stages=watch.stages, heights=heights)
 
-    def _annotations(self, path: str | PathLike[str], photo: str | PathLike[str] | None) -> Seen:
+    def _annotations(self, path: str | PathLike[str], photo: str | PathLike[str] | None, depth: DepthLike | None) -> Seen:
         watch = Stopwatch()
         with watch.stage("annotations"):
             format_name = format_of(path)
@@ -197,7 +212,7 @@ class Look:
             given = _masks(path, photo, shape)
         said = f"{len(given.masks)} masks ({format_name})"
         if photo is not None and (format_name in GENERATED or self.roi is not None or self.background != "auto"):
-            perception = self._perceived(photo, Given(given), {})
+            perception = self._perceived(photo, depth, Given(given), {})
             return replace(
                 found(perception, f"{said} held against its cloth map"), stages=(*watch.stages, *perception.stages)
             )
@@ -217,8 +232,9 @@ class Look:
                 source=str(path),
                 photo=None if picture is None else grid.scaled(picture),
             )
-        size = f"of an image of {given.shape[1]} x {given.shape[0]} pixels"
-        return Seen(scene=scene, grid=grid, origin=f"annotations {size}: {said}", scores=scores, stages=watch.stages)
+        heights = _heights(depth, grid, watch)
+        origin = f"annotations of an image of {given.shape[1]} x {given.shape[0]} pixels: {said}"
+        return Seen(scene=scene, grid=grid, origin=origin, scores=scores, stages=watch.stages, heights=heights)
 
 
 class Given:
@@ -260,7 +276,16 @@ def found(perception: Perception, said: str) -> Seen:
         scores=perception.scores,
         stages=perception.stages,
         roi=perception.provenance.roi,
+        heights=perception.heights,
     )
+
+
+def _heights(depth: DepthLike | None, grid: Grid, watch: Stopwatch) -> HeightMap | None:
+    """Heights on the grid over the image that labels or annotations are of."""
+    if depth is None:
+        return None
+    with watch.stage("depth"):
+        return Depth.of(depth).heights(grid)
 
 
 def _masks(path: str | PathLike[str], photo: str | PathLike[str] | None, shape: tuple[int, int] | None) -> Annotations:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +83,34 @@ def picture_data(photo: NDArray[np.uint8]) -> str:
     done, content = cv2.imencode(".jpg", photo[:, :, ::-1], (cv2.IMWRITE_JPEG_QUALITY, 86))
     if not done:
         raise InvalidImage(f"photo: OpenCV cannot make a JPEG of shape {photo.shape}")
+    return "data:image/jpeg;base64," + base64.b64encode(content.tobytes()).decode("ascii")
+
+
+def heights_data(shares: NDArray[np.floating[Any]]) -> str:
+    """Heights as a JPEG in a `data:` address, in the colours of matplotlib's viridis.
+
+    Parameters
+    ----------
+    shares
+        Of the scale's top, from 0 to 1; what is higher gets the last colour, shape (H, W).
+
+    Raises
+    ------
+    InvalidImage
+        If it cannot be encoded.
+    MissingDependency
+        Without OpenCV.
+    """
+    cv2 = _opencv()
+    height, width = shares.shape
+    factor = PHOTO_SIDE / max(height, width)
+    if factor < 1:
+        size = max(1, round(width * factor)), max(1, round(height * factor))
+        shares = cv2.resize(shares, size, interpolation=cv2.INTER_AREA)
+    grey = np.round(255 * np.clip(shares, 0, 1)).astype(np.uint8)
+    done, content = cv2.imencode(".jpg", cv2.applyColorMap(grey, cv2.COLORMAP_VIRIDIS), (cv2.IMWRITE_JPEG_QUALITY, 90))
+    if not done:
+        raise InvalidImage(f"heights: OpenCV cannot make a JPEG of shape {shares.shape}")
     return "data:image/jpeg;base64," + base64.b64encode(content.tobytes()).decode("ascii")
 
 

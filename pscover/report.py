@@ -18,12 +18,15 @@ from pathlib import Path
 import numpy as np
 
 import pscover
+from pscover.figures.heights import top_of_scale
 from pscover.figures.plan import headline
-from pscover.figures.scene import palette
+from pscover.figures.style import palette
 from pscover.files import write_bytes
 from pscover.grasping.partition import partition
-from pscover.outlines import outlines, picture_data
-from pscover.planning import Grasp, Plan
+from pscover.grasps import Grasp
+from pscover.outlines import heights_data, outlines, picture_data
+from pscover.perception.depth import GarmentHeight
+from pscover.planning import Plan
 from pscover.verify import Verdict, Verification, verify
 
 TEMPLATE = "report.html"
@@ -67,7 +70,7 @@ def render_report(plan: Plan, verification: Verification | None = None) -> bytes
         "mood": "short" if plan.unmet else "met",
         "cards": _cards(plan),
         "layers": _layers(plan),
-        "picture": _picture(plan),
+        "picture": _picture(plan) + _scale(plan),
         "garments": _garments(plan),
         "grasps": _grasps(plan),
         "stages": _stages(plan),
@@ -119,8 +122,9 @@ def _cards(plan: Plan) -> str:
 def _layers(plan: Plan) -> str:
     """A switch for each layer that the picture has."""
     names = ["photo"] if plan.scene.photo is not None else []
+    names += ["heights"] if plan.seen.heights is not None else []
     names += ["segments", "parts", "candidates", "grasps"]
-    off = {"parts", "candidates"} if plan.scene.photo is not None else set()
+    off = {"heights", "parts", "candidates"} if plan.scene.photo is not None else {"heights"}
     return "".join(
         f"<label class='chip'><input type='checkbox' data-toggle='{name}'{'' if name in off else ' checked'}>"
         f"<i class='key {name}'></i>{name}</label>"
@@ -137,9 +141,24 @@ def _picture(plan: Plan) -> str:
     if plan.scene.photo is not None:
         data = picture_data(plan.scene.photo)
         layers.append(f"<image data-layer='photo' {frame} preserveAspectRatio='none' href='{data}'/>")
+    if plan.seen.heights is not None:
+        data = heights_data(100 * plan.seen.heights.metres / top_of_scale(plan.seen.heights))
+        layers.append(f"<image data-layer='heights' class='hidden' {frame} preserveAspectRatio='none' href='{data}'/>")
     layers += [_segments(plan), _parts(plan), _candidates(plan), _region(plan), _ellipses(plan), _basket(plan)]
     said = f"{plan.scene.garments} garments and {len(plan.grasps)} numbered grasps"
     return f"<svg viewBox='{box}' role='img' aria-label='{said}' xmlns='http://www.w3.org/2000/svg'>{''.join(layers)}</svg>"
+
+
+def _scale(plan: Plan) -> str:
+    """What the colours of the height map mean."""
+    if plan.seen.heights is None:
+        return ""
+    top = top_of_scale(plan.seen.heights)
+    more = "+" if 100 * float(plan.seen.heights.metres.max()) > top + 0.05 else ""
+    return (
+        "<div class='scale hidden' data-layer='heights'>"
+        f"<span>0</span><i></i><span>{top / 2:g}</span><i></i><span>{top:g}{more} cm above the table</span></div>"
+    )
 
 
 def _segments(plan: Plan) -> str:
@@ -222,17 +241,22 @@ def _by(plan: Plan) -> list[str]:
     return [" ".join(numbers) for numbers in by]
 
 
+def _height(garment: GarmentHeight) -> str:
+    return f"<small class='high'>{100 * garment.mean:.1f} cm high, top {100 * garment.top:.1f}</small>"
+
+
 def _garments(plan: Plan) -> str:
     """A bar for each garment: how surely it is removed, and what is required."""
     rows, short, by = [], set(plan.unmet), _by(plan)
     areas = plan.scene.areas() / plan.scene.pixels_per_cm**2
-    colours = hexadecimal(plan.scene.garments)
+    colours, heights = hexadecimal(plan.scene.garments), plan.seen.garment_heights
     for j, name in enumerate(plan.scene.names):
+        high = "" if heights is None else _height(heights[j])
         required, covered = float(plan.instance.required[j]), float(plan.coverage[j])
         rows.append(
             f"<li tabindex='0' data-garment='{j}' data-by='{by[j]}'{' class=short' if j in short else ''}>"
             f"<svg class='swatch' viewBox='0 0 10 10'><circle cx='5' cy='5' r='5' fill='{colours[j]}'/></svg>"
-            f"<span class='who'>{escape(name)}<small>{areas[j]:.0f} cm²</small></span>"
+            f"<span class='who'>{escape(name)}<small>{areas[j]:.0f} cm²</small>{high}</span>"
             "<svg class='bar' viewBox='0 0 100 10' preserveAspectRatio='none'><rect class='track' width='100' height='10'/>"
             f"<rect width='{100 * covered:.1f}' height='10' fill='{colours[j]}'/>"
             f"<rect class='tick' x='{100 * required - 0.5:.1f}' width='1.2' height='10'/></svg>"
@@ -280,11 +304,13 @@ def _facts(plan: Plan, verification: Verification) -> str:
     trusted = [check.detail for check in verification.checks if check.verdict is Verdict.UNCHECKED]
     rows = [
         ("input", seen.origin),
+        *([("depth", seen.depth_origin)] if seen.heights is not None else []),
         ("file", plan.scene.source or "made in memory"),
         ("scale", f"{seen.pixels_per_cm:g} pixels per cm"),
         ("basket", f"x {x:.0f}, y {y:.0f}"),
         ("model", f"{result.formulation}, solved by {result.backend}, seed {result.settings.seed}"),
-        ("status", str((plan.strict or result).status)),
+        ("status", str(plan.status)),
+        ("scope", f"bound and status hold over {plan.scope}"),
         (
             "verified",
             f"FAILED: {'; '.join(failed)}" if failed else "coverage, requirements and objective, in exact arithmetic",

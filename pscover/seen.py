@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pscover.perception.depth import GarmentHeight, HeightMap, garment_heights
 from pscover.perception.grid import Grid
 from pscover.perception.segmenter import Stage
 from pscover.scene import Scene
@@ -33,6 +35,8 @@ class Seen:
         Where the time went.
     roi
         Corners of the region of interest in pixels of the photo; empty for the whole photo.
+    heights
+        Above the table, of the scene's shape, where depth was given.
     """
 
     scene: Scene
@@ -41,6 +45,7 @@ class Seen:
     scores: tuple[float, ...] = ()
     stages: tuple[Stage, ...] = ()
     roi: tuple[tuple[float, float], ...] = ()
+    heights: HeightMap | None = None
 
     @classmethod
     def whole(cls, scene: Scene, origin: str = "labels") -> Seen:
@@ -69,6 +74,40 @@ class Seen:
     def labels(self) -> NDArray[np.int32]:
         """The label image at the photo's size."""
         return self.grid.enlarged(self.scene.labels)
+
+    @property
+    def garment_heights(self) -> tuple[GarmentHeight, ...] | None:
+        """How high each garment lies, in metres; None without depth."""
+        return None if self.heights is None else garment_heights(self.heights, self.scene.segments, self.scene.garments)
+
+    @property
+    def table_distance(self) -> float:
+        """Depth of the table in the middle of the photo in metres; NaN without depth."""
+        height, width = self.grid.photo_shape
+        return math.nan if self.heights is None else self.heights.table.depth_at((width - 1) / 2, (height - 1) / 2)
+
+    @property
+    def depth_origin(self) -> str:
+        """What was used of a depth image; empty without.
+
+        Examples
+        --------
+        >>> from dataclasses import replace
+        >>> from pscover.perception.depth import height_map
+        >>> seen = Seen.whole(Scene.of(np.ones((20, 30), dtype=int)))
+        >>> replace(seen, heights=height_map(np.full((20, 30), 0.8))).depth_origin
+        'depth, 1 m a unit; table found 0.800 m away, flat to 0.0 mm'
+        """
+        heights = self.heights
+        if heights is None:
+            return ""
+        how = "found" if heights.fitted else "given"
+        flat = f", flat to {1000 * heights.spread:.1f} mm" if math.isfinite(heights.spread) else ", but not seen there"
+        lens = "; heights perpendicular to it" if heights.camera is not None else ""
+        share = heights.hole_share
+        holes = f"; {'<1' if share < 0.01 else round(100 * share)} % of the pixels without depth, filled" if share else ""
+        unit = f"{heights.metres_per_unit:g} m a unit"
+        return f"{heights.source}, {unit}; table {how} {self.table_distance:.3f} m away{flat}{lens}{holes}"
 
     @property
     def seconds(self) -> float:

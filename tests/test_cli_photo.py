@@ -363,6 +363,9 @@ def test_weights_are_looked_for_and_checked(here: Path, monkeypatch: pytest.Monk
     assert checked.exit_code == Exit.BAD_INPUT
     assert "SHA-256" in json.loads(checked.stdout)["weights"][0]["problem"]
     assert "no  " in run("models", "check").stdout
+    shown = run("models", "export", "-o", "made")
+    assert shown.exit_code in (Exit.BAD_INPUT, Exit.MISSING)
+    assert shown.exit_code == Exit.MISSING or f"{wrong}: expected SHA-256" in shown.stderr, "it is looked for by its name"
     assert run("models", "export", "none.pt", "-o", "made").exit_code in (Exit.BAD_INPUT, Exit.MISSING)
     assert run("models", "export", wrong, "-o", wrong).exit_code == Exit.BAD_INPUT
     assert not Path("made").exists()

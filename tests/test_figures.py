@@ -13,13 +13,16 @@ import pytest
 
 from pscover import InvalidSettings, MissingDependency, PscoverError, Status
 from pscover.generate.garments import garments
+from pscover.perception.depth import Depth
+from pscover.perception.table_plane import TablePlane
 from pscover.planning import Plan, plan
 from pscover.scene import Scene
+from pscover.seen import Seen
 
 matplotlib = pytest.importorskip("matplotlib")
 
 from pscover.figures.plan import PlanStyle, headline, plan_figure, render_plan, save_plan_figure  # noqa: E402
-from pscover.figures.scene import palette  # noqa: E402
+from pscover.figures.style import palette  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -116,6 +119,58 @@ def test_without_matplotlib_the_pip_line_is_given(ten: Plan, monkeypatch: pytest
     monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
     with pytest.raises(MissingDependency, match=r'pip install "pscover\[figures\]"'):
         plan_figure(ten)
+
+
+def with_depth(photo: bool = True) -> Plan:
+    """A plan for a low and a high garment; 40 cm of wrong depth at one pixel."""
+    labels, depth = np.zeros((60, 120), dtype=int), np.full((60, 120), 1.0)
+    labels[10:50, 10:50], labels[10:50, 70:110] = 1, 2
+    depth[labels == 1], depth[labels == 2], depth[0, 0] = 0.98, 0.93, 0.6
+    picture = np.full((60, 120, 3), 120, dtype=np.uint8) if photo else None
+    return plan(Scene.of(labels, photo=picture, names=["low $", "high_"]), depth=depth)
+
+
+def test_heights_are_shown_over_the_same_extent_with_a_scale_in_centimetres() -> None:
+    found = with_depth()
+    main, _, heights, scale = plan_figure(found).axes
+    assert heights.get_title(loc="left") == "height above the table"
+    assert heights.get_images()[0].get_extent() == main.get_images()[0].get_extent()
+    shown = heights.get_images()[0].get_array()
+    assert shown is not None
+    assert np.asarray(shown)[30, 90] == pytest.approx(7, abs=1e-3)
+    assert heights.get_images()[0].get_clim() == (0, 8), "one wrong pixel does not set the scale"
+    assert scale.get_ylabel() == "cm above the table"
+    numbers = [text.get_text() for text in heights.texts if text.get_text().isdigit()]
+    assert numbers == [str(k + 1) for k in range(len(found.grasps))]
+    assert size(render_plan(found))[0] == 1200
+
+
+@pytest.mark.parametrize("photo", [True, False])
+def test_the_picture_of_a_scene_shows_heights(photo: bool) -> None:
+    from pscover.figures.scene import render_scene, scene_figure
+
+    found = with_depth(photo).seen
+    titles = [axes.get_title(loc="left") for axes in scene_figure(found).axes if axes.get_title(loc="left")]
+    assert titles == (["photo", "2 segments", "height", "mean height and top, cm"] if photo else ["2 segments", "height"])
+    if photo:
+        bars = scene_figure(found).axes[-1]
+        assert [text.get_text() for text in bars.texts] == ["2.0, top 2.0", "7.0, top 7.0"]
+    assert size(render_scene(found))[0] == 1200
+
+
+def test_heights_of_any_shape_can_be_drawn() -> None:
+    from pscover.figures.scene import render_scene
+
+    for shape in ((1, 1), (300, 5), (3, 700)):
+        labels = np.ones(shape, dtype=int)
+        for picture in (None, np.zeros((*shape, 3), dtype=np.uint8)):
+            found = plan(Scene.of(labels, photo=picture), depth=Depth(image=labels * 0.9, table=TablePlane.level(1)), time=2)
+            assert size(render_plan(found))[0] == 1200
+            assert size(render_scene(found.seen))[0] == 1200
+    many = np.kron(np.arange(100).reshape(10, 10), np.ones((6, 6), dtype=int))
+    seen = Seen.whole(Scene.of(many, photo=np.zeros((60, 60, 3), dtype=np.uint8)))
+    heights = Depth(image=np.full((60, 60), 0.9), table=TablePlane.level(1)).heights(seen.grid)
+    assert size(render_scene(replace(seen, heights=heights)))[0] == 1200
 
 
 def test_colours_are_colours() -> None:

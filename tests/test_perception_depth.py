@@ -9,7 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from pscover.errors import InvalidImage, InvalidSettings
-from pscover.perception.depth import Intrinsics, TablePlane, height_map, read_depth
+from pscover.perception.depth import Depth, garment_heights, height_map, read_depth
+from pscover.perception.grid import Grid
+from pscover.perception.table_plane import Intrinsics, TablePlane
 
 CAMERA = Intrinsics(fx=400.0, fy=410.0, cx=160.0, cy=118.0)
 SHAPE = (240, 320)
@@ -76,6 +78,97 @@ def test_a_known_table_and_a_region() -> None:
     assert height_map(depth, metres_per_unit=1, inside=inside, table=plane).metres[10, 10] == pytest.approx(0.1)
 
 
+def test_thin_cloth_hardly_lifts_the_table() -> None:
+    rng = np.random.default_rng(2)
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    table = 1 / (1 + 1e-4 * x - 1e-4 * y)
+    cloth = (np.sin(x / 17) + np.sin(y / 23)) > 0
+    found = height_map(table - 0.007 * cloth + rng.normal(0, 0.001, SHAPE))
+    assert 0.4 < cloth.mean() < 0.6
+    assert np.abs(1 / found.table.inverse_depth(SHAPE) - table).max() < 0.001
+
+
+def test_whole_numbers_are_millimetres_and_floats_metres_unless_it_is_said() -> None:
+    for depth, unit in ((np.full((9, 9), 900), None), (np.full((9, 9), 0.9), None), (np.full((9, 9), 3600), 0.00025)):
+        found = height_map(depth, metres_per_unit=unit, table=TablePlane.level(1.0))
+        assert found.metres == pytest.approx(0.1, abs=1e-6)
+        assert not found.fitted
+    assert height_map(np.full((9, 9), 900)).metres_per_unit == 0.001
+
+
+def test_a_frame_s_depth_is_taken_as_it_is() -> None:
+    from pscover.robot import Frame
+
+    depth = np.full((40, 60), 0.8, dtype=np.float32)
+    depth[10:20, 10:20], depth[0], depth[14, 14] = 0.75, np.nan, np.inf
+    frame = Frame(rgb=np.zeros((40, 60, 3), dtype=np.uint8), depth=depth)
+    assert frame.depth is not None
+    found = height_map(frame.depth)
+    assert found.metres[12:18, 12:18] == pytest.approx(0.05, abs=1e-5)
+    assert found.metres[30] == pytest.approx(0, abs=1e-5)
+    assert found.holes.sum() == 61
+    assert found.hole_share == pytest.approx(61 / 2400)
+
+
+def test_heights_on_a_coarser_grid_are_those_of_the_pixels() -> None:
+    pytest.importorskip("cv2")
+    z, _ = tilted(heap=0.08, seed=1)
+    z[100:110, 100:110] = 0
+    grid = Grid(photo_shape=SHAPE, shape=(60, 80))
+    fine, coarse = (
+        height_map(z, metres_per_unit=1, camera=CAMERA),
+        height_map(z, metres_per_unit=1, camera=CAMERA, grid=grid),
+    )
+    assert coarse.metres.shape == (60, 80)
+    assert coarse.table.distance(CAMERA) == pytest.approx(AWAY, abs=5e-4)
+    assert coarse.metres[20:45, 25:60] == pytest.approx(
+        fine.metres.reshape(60, 4, 80, 4).mean((1, 3))[20:45, 25:60], abs=0.004
+    )
+    known = height_map(z, metres_per_unit=1, camera=CAMERA, grid=grid, table=fine.table)
+    assert known.metres[20:45, 25:60] == pytest.approx(coarse.metres[20:45, 25:60], abs=5e-4)
+
+
+def test_holes_take_the_nearest_height() -> None:
+    pytest.importorskip("cv2")
+    depth = np.full((30, 40), 1.0)
+    depth[:, 20:] = 0.9
+    depth[10:14, 5:38] = np.nan
+    found = height_map(depth, table=TablePlane.level(1.0))
+    assert found.metres[12, 8] == 0
+    assert found.metres[12, 30] == pytest.approx(0.1)
+    assert (found.metres[10:14, 5:38] > 0.05).sum() == 4 * 18
+
+
+def test_how_high_garments_lie() -> None:
+    depth, segments = np.full((20, 30), 1.0), np.full((20, 30), -1, dtype=np.int32)
+    segments[2:12, 2:12], segments[2:12, 20:30] = 0, 1
+    depth[segments == 0] = 0.98
+    depth[2, 2] = 0.1
+    heights = height_map(depth, table=TablePlane.level(1.0))
+    low, flat = garment_heights(heights, segments, 2)
+    assert low.top == pytest.approx(0.02, abs=0.01), "one wrong pixel of a hundred is no top"
+    assert low.mean == pytest.approx(0.02 + 0.88 / 100, abs=1e-4)
+    assert flat.top == pytest.approx(0, abs=1e-6)
+
+
+def test_depth_of_another_size_is_refused(tmp_path: Path) -> None:
+    np.save(tmp_path / "small.npy", np.ones((6, 8)))
+    grid = Grid.over((12, 16))
+    with pytest.raises(InvalidImage, match=r"small\.npy: expected a depth image of the photo's size 16 x 12, got 8 x 6"):
+        Depth.of(tmp_path / "small.npy").heights(grid)
+    with pytest.raises(InvalidImage, match=r"depth: expected a depth image of the photo's size"):
+        Depth.of(np.ones((6, 8))).heights(grid)
+    with pytest.raises(InvalidSettings, match="tolerance"):
+        Depth(image=np.ones((6, 8)), tolerance=-1)
+    for wrong in ((0.0, 0.0, 0.0), (np.nan, 0.0, 0.0)):
+        with pytest.raises(InvalidSettings, match="table: expected three finite numbers"):
+            TablePlane(offset=wrong[0], slope_x=wrong[1], slope_y=wrong[2])
+    with pytest.raises(InvalidSettings, match="table: expected a positive distance"):
+        TablePlane.level(-1)
+    with pytest.raises(InvalidImage, match="passes behind the camera"):
+        height_map(np.ones((9, 9)), table=TablePlane(offset=0.1, slope_x=-1.0))
+
+
 def test_depth_files(tmp_path: Path) -> None:
     cv2 = pytest.importorskip("cv2")
     units = np.arange(12, dtype=np.uint16).reshape(3, 4) * 5000
@@ -106,7 +199,7 @@ def test_hostile_arrays(tmp_path: Path) -> None:
 
 
 def test_wrong_depths() -> None:
-    for wrong in (np.zeros((3, 3, 3)), np.array([["a"]]), np.array([[1 + 1j]])):
+    for wrong in (np.zeros((3, 3, 3)), np.array([["a"]]), np.array([[1 + 1j]]), [[1.0], [2.0, 3.0]]):
         with pytest.raises(InvalidImage, match="depth: expected numbers of shape"):
             height_map(wrong)
     with pytest.raises(InvalidImage, match="at least 3 measured pixels"):

@@ -99,6 +99,21 @@ def test_every_layer_has_a_switch(photographed: Plan, ten: Plan) -> None:
         assert {e["data-layer"] for _, e in page.elements if "data-layer" in e} == set(layers)
 
 
+def test_heights_have_a_switch_a_scale_and_figures(photographed: Plan) -> None:
+    labels, depth = np.asarray(photographed.scene.labels), np.full((80, 160), 1.0)
+    depth[labels == 1], depth[labels == 2] = 0.96, 0.93
+    for picture in (photographed.scene.photo, None):
+        content = render_report(plan(Scene.of(labels, photo=picture), depth=depth)).decode()
+        page = Page(content.encode())
+        assert page.open == []
+        assert "heights" in [e["data-toggle"] for e in page.all("input")]
+        assert [e["class"] for e in page.all("image", "data-layer") if e["data-layer"] == "heights"] == ["hidden"]
+        assert "8 cm above the table" in page.words
+        assert {"4.0 cm high, top 4.0", "7.0 cm high, top 7.0"} <= set(page.words)
+        assert any("table found 1.000 m away" in words for words in page.words)
+    assert "cm high" not in render_report(photographed).decode()
+
+
 def test_nothing_is_loaded_from_anywhere(photographed: Plan) -> None:
     content = render_report(photographed).decode()
     page = Page(content.encode())

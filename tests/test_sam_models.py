@@ -42,7 +42,7 @@ def test_the_message_says_where_weights_come_from() -> None:
         locate(ENCODER)
     message = str(caught.value)
     assert all(part in message for part in ("models export", "Apache-2.0", "PSCOVER_MODELS", "Nothing is downloaded"))
-    assert all(part in message for part in (ENCODER.digests[0], "mobile_sam.pt"))
+    assert all(part in message for part in (MOBILE_SAM.digests[0], "FOLDER/mobile_sam.pt"))
     with pytest.raises(InvalidSettings, match=MOBILE_SAM.digests[0]):
         locate(MOBILE_SAM)
 

@@ -127,7 +127,7 @@ SOUND = png(2, 2, 8, 0, b"\0\1\2\0\3\4")
     [
         (b"", "expected an image, got an empty file"),
         (b"hello, world", "expected a PNG file with labels, got something else"),
-        (b"\xff\xd8\xff\xe0JFIF", "a JPEG, which does not keep label values exact"),
+        (b"\xff\xd8\xff\xe0JFIF", "a JPEG, which does not keep values exact"),
         (SOUND[:20], "cut off before the end of its header"),
         (SOUND[:-14], "cut off at byte"),
         (SOUND[:40] + b"\xff" + SOUND[41:], "damaged"),
@@ -192,6 +192,52 @@ def test_photos_are_distrusted(tmp_path: Path) -> None:
         file.write_bytes(content)
         with pytest.raises(InvalidImage, match=words):
             read_photo(file)
+
+
+def test_decoders_say_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """OpenCV's print on standard error what they think of damaged pixels and of colour profiles."""
+    picture = np.random.default_rng(0).integers(0, 255, (60, 60, 3), dtype=np.uint8)
+    whole = encoded(picture, ".jpg")
+    middle = len(whole) // 2
+    profile = b"iCCPicc\0\0" + zlib.compress(b"no profile")
+    chunk = struct.pack(">I", len(profile) - 4) + profile + struct.pack(">I", zlib.crc32(profile))
+    for name, content in (
+        ("cut.jpg", whole[:middle] + b"\xff\xd9"),
+        ("extra.jpg", whole[:middle] + bytes(300) + whole[middle:]),
+        ("exif.jpg", whole[:2] + b"\xff\xe1\x00\x0cExif\0\0II*\0" + whole[2:]),
+        ("profile.png", (plain := encoded(picture))[:33] + chunk + plain[33:]),
+    ):
+        (tmp_path / name).write_bytes(content)
+        assert read_photo(tmp_path / name).shape == (60, 60, 3)
+    content = encoded(picture[:, :, 0])
+    (tmp_path / "labels.png").write_bytes(content[:33] + chunk + content[33:])
+    assert (read_labels(tmp_path / "labels.png") == picture[:, :, 0]).all()
+    (tmp_path / "filter.png").write_bytes(png(2, 2, 8, 0, b"\x09\1\2\x09\3\4"))
+    with pytest.raises(InvalidImage, match="cannot be decoded"):
+        read_labels(tmp_path / "filter.png")
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_photos_are_turned_upright(tmp_path: Path, orientation: int) -> None:
+    image = pytest.importorskip("PIL.Image")
+    corner = np.zeros((40, 60, 3), dtype=np.uint8)
+    corner[:16, :24] = 255
+    exif = image.Exif()
+    exif[0x0112] = orientation
+    for name in ("photo.jpg", "photo.png"):
+        image.fromarray(corner).save(tmp_path / name, exif=exif)
+        photo = read_photo(tmp_path / name)
+        rows, columns = np.nonzero(photo[:, :, 0] > 128)
+        assert photo.shape == ((40, 60, 3) if orientation < 5 else (60, 40, 3))
+        assert (rows.min() == 0) == (orientation in (1, 2, 5, 6))
+        assert (columns.min() == 0) == (orientation in (1, 4, 5, 8))
+
+
+def test_grey_photos_of_16_bits_keep_their_contrast(tmp_path: Path) -> None:
+    grey = np.linspace(0, 65535, 600).astype(np.uint16).reshape(20, 30)
+    (tmp_path / "grey.png").write_bytes(encoded(grey))
+    assert (read_photo(tmp_path / "grey.png")[:, :, 1] == grey >> 8).all()
 
 
 @pytest.mark.skipif(not PHOTOS.is_dir(), reason="the sources are not here")

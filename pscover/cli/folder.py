@@ -17,6 +17,8 @@ from pscover.errors import MissingDependency, PscoverError, UnknownName
 IMAGES = (".jpg", ".jpeg", ".png")
 MADE_HERE = (".plan.png", ".segments.png")
 """Endings of pictures that pscover draws itself."""
+OF_PHOTOS = (".labels.png", ".depth.png", "_depth.png")
+"""Endings of images that belong to a photo beside them."""
 Done = TypeVar("Done")
 
 
@@ -54,7 +56,7 @@ class Outcome(Generic[Done]):
 
 
 def photos_in(folder: Path) -> list[Path]:
-    """The images of a folder, sorted by name, without labels and pictures that were made of a photo beside them.
+    """The images of a folder, sorted by name, without labels, depth and pictures of a photo beside them.
 
     Raises
     ------
@@ -67,7 +69,7 @@ def photos_in(folder: Path) -> list[Path]:
         if path.suffix.lower() in IMAGES
         and not path.name.startswith(".")
         and not path.name.lower().endswith(MADE_HERE)
-        and sibling(path) is None
+        and not any(sibling(path, ending) for ending in OF_PHOTOS)
         and not path.is_dir()
     ]
     if not found:

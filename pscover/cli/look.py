@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pscover.cli import depth_files
+from pscover.cli.depth_files import DepthFiles
 from pscover.cli.fail import Exit
 from pscover.cli.options import FILE, known, parameter_option, point, together
 
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 PAPER_SCALE = 4.7
 CORNER = re.compile(r"-?[\d.]+(e\d+)?,-?[\d.]+(e\d+)?;?")
 ROI_LIMIT = 2**20
+OWN = ("pixel_limit", "cloth_height_cm")
+"""Settings of perception that are no part's."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,11 +41,14 @@ class Eyes:
         What the input is, or None where its content says it.
     photo
         The photo that labels or annotations were made from.
+    depth
+        Where depth images are, or None.
     """
 
     look: Look
     kind: Kind | None
     photo: Path | None
+    depth: DepthFiles | None = None
 
     def kind_of(self, path: Path) -> Kind:
         """What a file, or folder, is."""
@@ -49,9 +56,10 @@ class Eyes:
 
         if not path.is_dir():
             return self.kind or kind_of(path)
-        if self.kind is None:
-            return kind_of(path)
-        return Kind.ANNOTATIONS if self.kind is Kind.ANNOTATIONS else Kind.FOLDER
+        found = Kind.FOLDER if self.kind in (Kind.PHOTO, Kind.LABELS) else self.kind or kind_of(path)
+        if found is Kind.FOLDER and self.depth is not None and not self.depth.place.is_dir():
+            raise click.UsageError("--depth is a file; for a folder of photos, name a folder with a depth image of each")
+        return found
 
     def photo_of(self, path: Path, kind: Kind) -> Path | None:
         """The photo to look at with an input: the one that was named, or the one beside a file of labels."""
@@ -68,10 +76,17 @@ class Eyes:
             raise click.UsageError(f"--roi and --background are for photos; {what}")
         return self.photo or (sibling(path) if kind is Kind.LABELS else None)
 
+    def inputs(self, path: Path) -> list[Path]:
+        """The files that are read for an input: itself, its photo, its depth."""
+        photo = self.photo_of(path, self.kind_of(path))
+        depth = None if self.depth is None else self.depth.path_of(path)
+        return [file for file in (path, photo, depth) if file is not None]
+
     def read(self, path: Path) -> Seen:
         """What the file shows."""
         kind = self.kind_of(path)
-        return self.look.read(path, kind=kind, photo=self.photo_of(path, kind))
+        depth = None if self.depth is None else self.depth.of(path)
+        return self.look.read(path, kind=kind, photo=self.photo_of(path, kind), depth=depth)
 
 
 class Corners(click.Command):
@@ -138,6 +153,7 @@ OPTIONS = together(
             help="What the input is.  [default: its content says it]",
         ),
         click.option("--photo", type=FILE, help="Of labels or annotations.  [default: x.jpg or x.png beside x.labels.png]"),
+        depth_files.OPTIONS,
     )
 )
 
@@ -157,6 +173,10 @@ def looking(command: Callable[..., Exit]) -> Callable[..., Exit]:
         perception_options: tuple[str, ...],
         kind: str | None,
         photo: Path | None,
+        depth: Path | None,
+        depth_scale: float | None,
+        intrinsics: tuple[float, ...] | None,
+        table: tuple[float, ...] | None,
         **others: Any,
     ) -> Exit:
         from pscover.inputs import Kind, Look
@@ -172,7 +192,13 @@ def looking(command: Callable[..., Exit]) -> Callable[..., Exit]:
             basket=basket,
             settings=settings(perception_options),
         )
-        return command(eyes=Eyes(look=look, kind=None if kind is None else Kind(kind), photo=photo), **others)
+        eyes = Eyes(
+            look=look,
+            kind=None if kind is None else Kind(kind),
+            photo=photo,
+            depth=depth_files.depth_files(depth, depth_scale, intrinsics, table),
+        )
+        return command(eyes=eyes, **others)
 
     return OPTIONS(wrapped)
 
@@ -209,8 +235,8 @@ def settings(given: tuple[str, ...]) -> Settings:
     owners = {field.name: part for part, type_ in types.items() for field in dataclasses.fields(type_)}
     own: dict[str, Any] = {part: {} for part in types}
     for name, value in map(assignment, given):
-        if name not in owners and name != "pixel_limit":
-            raise UnknownName.among("setting of perception", name, [*owners, "pixel_limit"])
+        if name not in owners and name not in OWN:
+            raise UnknownName.among("setting of perception", name, [*owners, *OWN])
         (own[owners[name]] if name in owners else own)[name] = value
     try:
         return msgspec.convert(own, type=Settings, strict=False)
@@ -218,12 +244,12 @@ def settings(given: tuple[str, ...]) -> Settings:
         raise InvalidSettings(f"--set-perception: {error}") from None
 
 
-def sibling(path: Path) -> Path | None:
-    """The photo beside a file of labels: x.jpg, x.jpeg or x.png beside x.labels.png."""
-    stem = path.name.removesuffix(".labels.png")
+def sibling(path: Path, ending: str = ".labels.png") -> Path | None:
+    """The photo beside a file of labels, or of depth: x.jpg, x.jpeg or x.png beside x.labels.png."""
+    stem = path.name.removesuffix(ending)
     if stem == path.name:
         return None
-    beside = (path.with_name(stem + ending) for ending in (".jpg", ".jpeg", ".png"))
+    beside = (path.with_name(stem + suffix) for suffix in (".jpg", ".jpeg", ".png"))
     return next((other for other in beside if other.is_file()), None)
 
 
@@ -258,4 +284,4 @@ def notes(seen: Seen) -> list[str]:
         said.append(f"note: {among} the picture's border; --roi leaves out furniture, tape and whatever is no garment")
     if "no photo is given" in seen.origin:
         said.append("note: parts of the surface may be left among the garments; --photo tells them apart by their colour")
-    return said
+    return said + depth_files.depth_notes(seen)

@@ -80,19 +80,20 @@ def check(files: tuple[Path, ...], as_json: bool) -> Exit:
 
 
 @command.command("export", short_help="Make the ONNX files of segmenter mobile-sam from mobile_sam.pt.")
-@click.argument("checkpoint", type=FILE)
+@click.argument("checkpoint", type=FILE, default=Path("mobile_sam.pt"))
 @click.option(
     "--output", "-o", type=FILE, default=Path("models"), show_default=True, metavar="DIR", help="Folder; made if need be."
 )
 @quiet_option
 def export_(checkpoint: Path, output: Path, quiet: bool) -> Exit:
-    """Make mobile_sam_encoder.onnx and mobile_sam_decoder.onnx from CHECKPOINT, mobile_sam.pt.
+    """Make mobile_sam_encoder.onnx and mobile_sam_decoder.onnx from CHECKPOINT, the path of mobile_sam.pt or of a SAM of
+    one's own. Without a path, mobile_sam.pt is taken from the current folder or where weights are looked for.
 
     Both are compared with the checkpoint's own answers before they are written, and entered into SHA256SUMS beside them.
 
     \b
     Examples:
-      pscover models export mobile_sam.pt
+      pscover models export ~/Downloads/mobile_sam.pt
       pscover plan photo.jpg --segmenter mobile-sam
     """
     from pscover.cli.live import watching
@@ -100,11 +101,13 @@ def export_(checkpoint: Path, output: Path, quiet: bool) -> Exit:
     from pscover.cli.tables import facts
     from pscover.errors import PscoverError
     from pscover.perception.export import export
+    from pscover.perception.models import MOBILE_SAM, locate
 
     if output.exists() and not output.is_dir():
         raise PscoverError(f"{output}: expected a folder for the files, got a file")
     with watching(f"exporting {checkpoint.name}", quiet=quiet):
-        made = export(checkpoint, output)
+        known = checkpoint == Path(MOBILE_SAM.file) and not checkpoint.exists()
+        made = export(locate(MOBILE_SAM) if known else checkpoint, output)
     show(
         facts(
             [

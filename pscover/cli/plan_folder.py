@@ -37,7 +37,7 @@ class Row:
         return cls(
             garments=found.scene.garments,
             grasps=len(found.grasps),
-            status=str((found.strict or found.result).status),
+            status=str(found.status),
             unmet=len(found.unmet),
             expected=found.expected_removed,
             looking=found.seen.seconds,
@@ -70,7 +70,7 @@ def plan_folder(
             picture=named.with_name(f"{named.name}.plan.png") if drawn else None,
             page=named.with_name(f"{named.name}.html"),
         )
-        outputs.check([path])
+        outputs.check(eyes.inputs(path))
         found = planner.plan(eyes.read(path), Line(path.name))
         verification = verify(found.instance, found.result)
         outputs.write(found, verification)

@@ -94,6 +94,7 @@ def command(
     Examples:
       pscover segment photo.jpg -o photo.labels.png
       pscover segment photo.jpg --segmenter mobile-sam --coco photo.json
+      pscover segment a.jpg --depth a.png --set-perception cloth_height_cm=0.5
       pscover segment photos/ -o labels/
     """
     from pscover.cli.live import watching
@@ -108,7 +109,7 @@ def command(
             raise click.UsageError("--figure and --coco are for one photo; of a folder, -o DIR gets all")
         return _folder(photo_file, output, eyes, drawn=picture is not None, as_json=as_json, quiet=quiet)
     outputs = Outputs(labels=output, coco=coco, picture=picture)
-    outputs.check([path for path in (photo_file, eyes.photo_of(photo_file, kind)) if path is not None])
+    outputs.check(eyes.inputs(photo_file))
     with watching(f"looking at {photo_file.name}", quiet=quiet):
         seen = eyes.read(photo_file)
     for note in () if quiet else notes(seen):
@@ -124,17 +125,19 @@ def command(
 
 
 def segments(seen: Seen) -> list[dict[str, Any]]:
-    """Name, label, area and score of each segment; the score is None where nobody says."""
+    """Name, label, area, score and height of each segment; the score is None where nobody says, heights without depth."""
     import numpy as np
 
     labels = seen.labels
     areas = np.bincount(seen.scene.segments.ravel() + 1, minlength=seen.scene.garments + 1)[1:]
     pixels = areas if labels.shape == seen.scene.shape else _areas(labels, seen.scene.values)
-    rows = []
+    rows, heights = [], seen.garment_heights
     for j, (name, label) in enumerate(zip(seen.scene.names, seen.scene.values.tolist(), strict=True)):
         area = float(areas[j]) / seen.scene.pixels_per_cm**2
         score = seen.scores[j] if seen.scores else None
-        rows.append({"name": name, "label": label, "pixels": int(pixels[j]), "cm2": area, "score": score})
+        row = {"name": name, "label": label, "pixels": int(pixels[j]), "cm2": area, "score": score}
+        high = {} if heights is None else {"top_cm": 100 * heights[j].top, "mean_cm": 100 * heights[j].mean}
+        rows.append({**row, **high})
     return rows
 
 
@@ -173,6 +176,7 @@ def _picture(photo: Path, figure: Path | None, *, no_figure: bool, quiet: bool) 
 
 
 def _print(seen: Seen, outputs: Outputs, drawing: float, *, as_json: bool) -> None:
+    from pscover.cli.depth_files import HEIGHTS
     from pscover.cli.output import show, show_document
     from pscover.cli.tables import facts, grid
     from pscover.cli.words import NOTHING, count
@@ -180,6 +184,10 @@ def _print(seen: Seen, outputs: Outputs, drawing: float, *, as_json: bool) -> No
     rows = segments(seen)
     times = {stage.name: stage.seconds for stage in seen.stages}
     if as_json:
+        import msgspec
+
+        from pscover.plan_document import depth_document
+
         height, width = seen.grid.photo_shape
         show_document(
             {
@@ -189,6 +197,7 @@ def _print(seen: Seen, outputs: Outputs, drawing: float, *, as_json: bool) -> No
                 "height": height,
                 "pixels_per_cm": seen.pixels_per_cm,
                 "segments": rows,
+                "depth": None if seen.heights is None else msgspec.to_builtins(depth_document(seen.heights)),
                 "seconds": times,
                 "labels": outputs.labels,
                 "coco": outputs.coco,
@@ -196,13 +205,16 @@ def _print(seen: Seen, outputs: Outputs, drawing: float, *, as_json: bool) -> No
             }
         )
         return
-    table = grid(("segment", "fill"), ("label", "right"), ("area px", "right"), ("cm2", "right"), ("score", "right"))
+    high = HEIGHTS if seen.heights is not None else ()
+    table = grid(("segment", "fill"), ("label", "right"), ("area px", "right"), ("cm2", "right"), *high, ("score", "right"))
     for row in rows:
         score = NOTHING if row["score"] is None else f"{row['score']:.2f}"
-        table.add_row(row["name"], str(row["label"]), str(row["pixels"]), f"{row['cm2']:.0f}", score)
+        heights = [f"{row[name]:.1f}" for name in ("top_cm", "mean_cm") if name in row]
+        table.add_row(row["name"], str(row["label"]), str(row["pixels"]), f"{row['cm2']:.0f}", *heights, score)
     spent = [*times.items(), *([("picture", drawing)] if drawing else [])]
     total = f"{sum(value for _, value in spent):.2f} s: {', '.join(f'{name} {value:.2f}' for name, value in spent)}"
-    show(count(len(rows), "segment"), *(("", table) if rows else ()), "", facts([("input", seen.origin), ("time", total)]))
+    said = [("input", seen.origin), *([("depth", seen.depth_origin)] if seen.heights is not None else []), ("time", total)]
+    show(count(len(rows), "segment"), *(("", table) if rows else ()), "", facts(said))
 
 
 def _folder(folder: Path, output: Path | None, eyes: Eyes, *, drawn: bool, as_json: bool, quiet: bool) -> Exit:
@@ -215,7 +227,7 @@ def _folder(folder: Path, output: Path | None, eyes: Eyes, *, drawn: bool, as_js
     def work(path: Path) -> dict[str, Any]:
         named = names[path]
         outputs = Outputs(labels=target / f"{named}.labels.png", picture=target / f"{named}.segments.png" if drawn else None)
-        outputs.check([path])
+        outputs.check(eyes.inputs(path))
         seen = eyes.read(path)
         outputs.write(seen, path)
         return {"photo": path, "segments": segments(seen), "seconds": seen.seconds, "labels": outputs.labels}

@@ -12,9 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pscover.errors import InvalidSettings, MissingDependency
-from pscover.figures.scene import INK, MUTED, PAPER, check_format, draw_outlines, palette, rendered, tinted
+from pscover.figures.heights import LISTED, draw_heights, draw_scale
+from pscover.figures.scene import tinted
+from pscover.figures.style import INK, MUTED, PAPER, bare, check_format, draw_outlines, palette, rendered
 from pscover.files import write_bytes
 from pscover.grasping.partition import partition
+from pscover.perception.depth import HeightMap
 from pscover.planning import Plan
 from pscover.result import Status
 
@@ -23,15 +26,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ALARM = "#c2255c"
-LISTED = 45
-"""More garments than this get no list beside the picture."""
 NAMED = 18
 """Characters of a garment's name that are shown."""
 HEAD, FOOT = 1.05, 0.5
 """Inches above and below the picture."""
+BELOW, BETWEEN = 0.72, 0.75
+"""Width of the height map below the picture, in the figure's, and the inches between the two."""
 ROW, WIDEST_ROW = 0.15, 0.3
 """Inches of a line of the list, at least and at most."""
 BASKET = "#f59f00"
+MANY = 60
+"""More grasps than this get small numbers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,9 +100,10 @@ def plan_figure(plan: Plan, style: PlanStyle = STYLE) -> Figure:
     across = style.width / 100
     share = 0.73 if listed else 0.95
     picture = max(min(across * (share - 0.01) * height / width, 1.4 * across), ROW * plan.scene.garments * listed, 2.0)
-    tall = picture + HEAD + FOOT
+    below = 0.0 if plan.seen.heights is None else min(across * BELOW * height / width, across) + BETWEEN
+    tall = picture + below + HEAD + FOOT
     figure = Figure(figsize=(across, tall), dpi=100, facecolor=PAPER)
-    low, high = FOOT / tall, picture / tall
+    low, high = (FOOT + below) / tall, picture / tall
     view = figure.add_axes((0.025, low, share - 0.01, high))
     colours = palette(plan.scene.garments)
     _draw_scene(view, plan, colours)
@@ -106,6 +112,8 @@ def plan_figure(plan: Plan, style: PlanStyle = STYLE) -> Figure:
     _title(view, plan)
     if listed:
         _draw_list(figure.add_axes((0.855, low, 0.105, high)), plan, colours, slots=picture / WIDEST_ROW)
+    if plan.seen.heights is not None:
+        _draw_heights(figure, plan, plan.seen.heights, (below - BETWEEN) / tall)
     _legend(figure, plan)
     return figure
 
@@ -142,11 +150,11 @@ def save_plan_figure(plan: Plan, path: str | PathLike[str], style: PlanStyle = S
 def headline(plan: Plan) -> tuple[str, str, str]:
     """The title, what is proven, and the figures."""
     grasps, garments = len(plan.grasps), plan.scene.garments
-    status = (plan.strict or plan.result).status
+    status = plan.status
     if status is Status.OPTIMAL:
-        proof = "optimal: no plan from these candidates needs fewer grasps"
+        proof = f"optimal: no plan from {plan.scope} needs fewer grasps"
     elif status is Status.FEASIBLE and math.isfinite(plan.bound):
-        proof = f"feasible: every plan from these candidates needs at least {plan.bound:g}"
+        proof = f"feasible: every plan from {plan.scope} needs at least {plan.bound:g}"
     elif status is Status.FEASIBLE:
         proof = "feasible: how many are needed is not known"
     elif status is Status.INFEASIBLE:
@@ -155,7 +163,7 @@ def headline(plan: Plan) -> tuple[str, str, str]:
         proof = f"{_counted(len(plan.unmet), 'garment')} left short: no plan that meets every requirement was found in time"
     figures = (
         f"{plan.expected_removed:.1f} garments expected in the basket",
-        f"{plan.instance.candidates:,} candidates",
+        f"{plan.scope.poses:,} {'candidates' if plan.scope.candidates == 'sampled' else 'poses'}",
         f"{plan.seen.seconds + plan.seconds.candidates + plan.seconds.solve:.2f} s",
     )
     return f"{_counted(grasps, 'grasp')} for {_counted(garments, 'garment')}", proof, "   ·   ".join(figures)
@@ -180,7 +188,7 @@ def _draw_scene(view: Axes, plan: Plan, colours: NDArray[np.float64]) -> None:
     smooth = "nearest" if scene.photo is None else "antialiased"
     view.imshow(tinted(scene, colours), interpolation=smooth, zorder=0)
     _draw_boundaries(view, plan)
-    draw_outlines(view, scene, colours)
+    draw_outlines(view, scene, 0.62 * colours)
     poses = plan.instance.meta.poses
     if poses is not None and len(poses):
         points = np.unique(poses[:, :2], axis=0)
@@ -189,10 +197,7 @@ def _draw_scene(view: Axes, plan: Plan, colours: NDArray[np.float64]) -> None:
     view.set_xlim(-0.5, width - 0.5)
     view.set_ylim(height - 0.5, -0.5)
     view.set_anchor("NW")
-    view.set_xticks([])
-    view.set_yticks([])
-    for spine in view.spines.values():
-        spine.set_color("#d4d4d8")
+    bare(view)
 
 
 def _draw_boundaries(view: Axes, plan: Plan) -> None:
@@ -215,7 +220,7 @@ def _draw_grasps(view: Axes, plan: Plan) -> None:
 
     major, minor = plan.axes
     halo = [withStroke(linewidth=3.2, foreground="white")]
-    many = len(plan.grasps) > 60
+    many = len(plan.grasps) > MANY
     for number, grasp in enumerate(plan.grasps, start=1):
         at = plan.seen.grid.from_photo(grasp.x, grasp.y)
         ellipse = Ellipse(at, major, minor, angle=math.degrees(grasp.theta), zorder=5)
@@ -234,6 +239,24 @@ def _draw_grasps(view: Axes, plan: Plan) -> None:
             zorder=7,
             bbox={"boxstyle": "circle,pad=0.22", "facecolor": INK, "edgecolor": "white", "linewidth": 1},
         )
+
+
+def _draw_heights(figure: Figure, plan: Plan, heights: HeightMap, high: float) -> None:
+    """The same extent again, by height, with the numbers of the grasps; the scale beside it."""
+    across, tall = figure.get_size_inches()
+    rows, columns = plan.scene.shape
+    low, wide = FOOT / tall, min(BELOW, high * tall * columns / rows / across)
+    view = figure.add_axes((0.025, low, wide, high))
+    image = draw_heights(view, plan.scene, heights)
+    draw_scale(figure.add_axes((0.025 + wide + 0.01, low, 0.014, high)), image, heights)
+    view.set_title("height above the table", loc="left", fontsize=13, fontweight="bold", color=INK, pad=24)
+    places: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "annotation_clip": False}
+    view.annotate(plan.seen.depth_origin, (0, 1), (0, 9), fontsize=9.5, color=MUTED, parse_math=False, **places)
+    box: dict[str, Any] = {"boxstyle": "circle,pad=0.2", "facecolor": INK, "edgecolor": "white", "linewidth": 1}
+    for number, grasp in enumerate(plan.grasps, start=1):
+        at = plan.seen.grid.from_photo(grasp.x, grasp.y)
+        text: dict[str, Any] = {"fontsize": 5 if len(plan.grasps) > MANY else 8, "fontweight": "bold", "color": "white"}
+        view.annotate(str(number), at, ha="center", va="center_baseline", bbox=box, zorder=7, **text)
 
 
 def _draw_basket(view: Axes, plan: Plan) -> None:

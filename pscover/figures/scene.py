@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import io
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pscover.errors import InvalidSettings, MissingDependency
+from pscover.figures.heights import LISTED, draw_bars, draw_heights, draw_scale
+from pscover.figures.style import INK, MUTED, PAPER, bare, check_format, draw_outlines, palette, rendered
 from pscover.files import write_bytes
 from pscover.scene import Scene
 from pscover.seen import Seen
@@ -19,31 +21,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FORMATS = ("png", "svg", "pdf")
-PAPER, INK, MUTED = "#ffffff", "#1f2430", "#6b7280"
 SURFACE = (0.945, 0.937, 0.918)
 NUMBERED = 200
 """More segments than this get no numbers in the picture."""
-COLOURS = (
-    *("#4c78a8", "#f58518", "#54a24b", "#e45756", "#72b7b2", "#b279a2"),
-    *("#eeca3b", "#7f6bb3", "#ff9da6", "#9d755d", "#2f8f9d", "#a3b84a"),
-)
-"""Of garments; further ones repeat them darker and lighter."""
-
-
-def palette(count: int) -> NDArray[np.float64]:
-    """Colours of garments, shape (count, 3), RGB from 0 to 1.
-
-    Examples
-    --------
-    >>> palette(2).round(2).tolist()
-    [[0.3, 0.47, 0.66], [0.96, 0.52, 0.09]]
-    """
-    given = np.array([[int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)] for colour in COLOURS])
-    round_, which = np.divmod(np.arange(count), len(COLOURS))
-    shade = np.array([0.0, -0.25, 0.3])[round_ % 3][:, None]
-    mixed: NDArray[np.float64] = given[which] * (1 - np.abs(shade)) + np.clip(shade, 0, 1)
-    return mixed
+GAP, HEAD, FOOT, LINE = 0.12, 0.5, 0.18, 0.22
+"""Inches between panels, above each, below all, and of a line of text there."""
+BAR = 0.75
+"""Inches that the colour bar takes beside a height map."""
 
 
 def scene_figure(seen: Seen, width: int = 1200) -> Figure:
@@ -52,7 +36,7 @@ def scene_figure(seen: Seen, width: int = 1200) -> Figure:
     Parameters
     ----------
     seen
-        What to show. Without a photo only the map of the labels is drawn.
+        What to show. Without a photo only the map of the labels is drawn; with depth, the heights and those of each segment.
     width
         In pixels of a PNG, at 100 pixels an inch.
 
@@ -75,48 +59,81 @@ def scene_figure(seen: Seen, width: int = 1200) -> Figure:
         from matplotlib.figure import Figure
     except ImportError:
         raise MissingDependency.for_extra("the picture of a scene", ["matplotlib"], "figures") from None
-    scene = seen.scene
-    panels = 1 if scene.photo is None else 2
-    height = scene.shape[0] / scene.shape[1]
-    across, gap, head, foot = width / 100, 0.12, 0.5, 0.4
-    each = (across - gap * (panels + 1)) / panels
-    picture = float(np.clip(each * height, 1.0, 1.6 * across))
-    tall = picture + head + foot
-    figure = Figure(figsize=(across, tall), dpi=100, facecolor=PAPER)
-    views = [
-        figure.add_axes(((gap + k * (each + gap)) / across, foot / tall, each / across, picture / tall))
-        for k in range(panels)
-    ]
-    for view in views:
-        view.set_anchor("N" if panels == 1 else "NW")
-        view.set_xticks([])
-        view.set_yticks([])
-        for spine in view.spines.values():
-            spine.set_color("#d4d4d8")
-    if scene.photo is not None:
-        views[0].imshow(scene.photo, interpolation="antialiased")
-        _titled(views[0], "photo")
+    scene, heights = seen.scene, seen.heights
+    panels = 1 + (scene.photo is not None) + (heights is not None)
+    said = (seen.origin,) if heights is None else (seen.origin, seen.depth_origin)
+    sheet = Sheet.of(scene, width, panels, rows=1 if panels < 3 else 2, foot=FOOT + LINE * len(said))
+    figure = Figure(figsize=(sheet.across, sheet.tall), dpi=100, facecolor=PAPER)
     colours = palette(scene.garments)
-    views[-1].imshow(tinted(scene, colours), interpolation="nearest" if scene.photo is None else "antialiased")
-    draw_outlines(views[-1], scene, colours)
-    _number(views[-1], scene)
-    _titled(views[-1], f"{scene.garments} segment" if scene.garments == 1 else f"{scene.garments} segments")
-    figure.text(gap / across, 0.15 / tall, seen.origin, fontsize=9.5, color=MUTED, parse_math=False, va="center")
+    if scene.photo is not None:
+        photo = figure.add_axes(sheet.place(0))
+        photo.imshow(scene.photo, interpolation="antialiased")
+        bare(photo)
+        photo.set_anchor("NW")
+        _titled(photo, "photo")
+    view = figure.add_axes(sheet.place(panels - 1 if heights is None else panels - 2))
+    view.imshow(tinted(scene, colours), interpolation="nearest" if scene.photo is None else "antialiased")
+    draw_outlines(view, scene, 0.62 * colours)
+    _number(view, scene)
+    bare(view)
+    view.set_anchor("N" if panels == 1 else "NW")
+    _titled(view, f"{scene.garments} segment" if scene.garments == 1 else f"{scene.garments} segments")
+    if heights is not None:
+        _heights(figure, sheet, seen, colours, panels - 1)
+    for row, line in enumerate(reversed(said)):
+        at = (0.15 + LINE * row) / sheet.tall
+        figure.text(GAP / sheet.across, at, line, fontsize=9.5, color=MUTED, parse_math=False, va="center")
     return figure
 
 
-def check_format(kind: str) -> None:
-    """Raise `InvalidSettings` for a kind of file that no picture is written as."""
-    if kind not in FORMATS:
-        raise InvalidSettings(f"picture: expected one of {', '.join(FORMATS)}, got {kind!r}")
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """Panels of one size in rows; all numbers are inches."""
+
+    across: float
+    tall: float
+    each: float
+    picture: float
+    columns: int
+    rows: int
+    foot: float
+
+    @classmethod
+    def of(cls, scene: Scene, width: int, panels: int, rows: int, foot: float) -> Sheet:
+        """A sheet for so many panels of the scene's shape."""
+        across, columns = width / 100, -(-panels // rows)
+        each = (across - GAP * (columns + 1)) / columns
+        picture = float(np.clip(each * scene.shape[0] / scene.shape[1], 1.0, 1.6 * across / rows))
+        return cls(across, rows * (picture + HEAD) + foot, each, picture, columns, rows, foot)
+
+    def place(self, panel: int, left: float = 0.0, wide: float | None = None) -> tuple[float, float, float, float]:
+        """Where a panel lies, or a part of it `left` from its left edge and `wide`, in shares of the figure."""
+        row, column = divmod(panel, self.columns)
+        x = GAP + column * (self.each + GAP) + left
+        y = self.foot + (self.rows - 1 - row) * (self.picture + HEAD)
+        width = self.each if wide is None else wide
+        return x / self.across, y / self.tall, width / self.across, self.picture / self.tall
 
 
-def rendered(figure: Figure, kind: str) -> bytes:
-    """A figure as the content of a file of one of `FORMATS`, without a date: drawing it again is no change."""
-    content = io.BytesIO()
-    dated = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}[kind]
-    figure.savefig(content, format=kind, metadata=dated)
-    return content.getvalue()
+def _heights(figure: Figure, sheet: Sheet, seen: Seen, colours: NDArray[np.float64], panel: int) -> None:
+    """The height map with its scale, and, where a panel is left, how high each segment lies."""
+    heights, (rows, columns) = seen.heights, seen.scene.shape
+    assert heights is not None
+    wide = min(sheet.each, sheet.picture * columns / rows)
+    if sheet.rows == 1 and wide > sheet.each - BAR:
+        wide = sheet.each - BAR
+    view = figure.add_axes(sheet.place(panel, wide=wide))
+    image = draw_heights(view, seen.scene, heights)
+    view.set_anchor("NW")
+    _titled(view, "height")
+    left, bottom, across, tall = sheet.place(panel, left=wide + 0.1, wide=0.16)
+    high = wide * rows / columns / sheet.tall
+    draw_scale(figure.add_axes((left, bottom + max(0.0, tall - high), across, min(high, tall))), image, heights)
+    if sheet.rows > 1 and 0 < seen.scene.garments <= LISTED:
+        margin = BAR + 1.1
+        bars = figure.add_axes(sheet.place(panel + 1, left=margin, wide=sheet.each - margin - 1.1))
+        draw_bars(bars, seen, colours)
+        _titled(bars, "mean height and top, cm")
 
 
 def render_scene(seen: Seen, kind: str = "png", width: int = 1200) -> bytes:
@@ -162,17 +179,6 @@ def tinted(scene: Scene, colours: NDArray[np.float64]) -> NDArray[np.float64]:
     ground[on] = 0.5 * own + 0.5 * (0.2 + 0.8 * light[:, None])
     ground[~on] = 0.85 * ground[~on] + 0.15
     return ground
-
-
-def draw_outlines(view: Axes, scene: Scene, colours: NDArray[np.float64]) -> None:
-    """A line around every segment, in its colour."""
-    from scipy import ndimage
-
-    for j, (rows, columns) in enumerate(ndimage.find_objects(scene.segments + 1, max_label=scene.garments)):
-        mask = np.pad(scene.segments[rows, columns] == j, 1).astype(float)
-        x = np.arange(columns.start - 1, columns.stop + 1)
-        y = np.arange(rows.start - 1, rows.stop + 1)
-        view.contour(x, y, mask, levels=[0.5], colors=[tuple(0.62 * colours[j])], linewidths=1.4, zorder=2)
 
 
 def middles(scene: Scene) -> NDArray[np.float64]:

@@ -36,12 +36,26 @@ class Weights:
     digests
         The SHA-256 digests that it may have.
     origin
-        Where it comes from: a sentence for whoever has not got it.
+        What it is and where it comes from, for whoever has not got it.
+    made_from
+        The weights from which `pscover models export` makes it; None for those that are published.
     """
 
     file: str
     digests: tuple[str, ...]
     origin: str
+    made_from: Weights | None = None
+
+    @property
+    def advice(self) -> str:
+        """How to come by it."""
+        if self.made_from is None:
+            return f"It is {self.origin}, SHA-256 {' or '.join(self.digests)}"
+        source = self.made_from
+        return (
+            f"Make it with `pscover models export FOLDER/{source.file}`: that file is {source.origin}, "
+            f"SHA-256 {' or '.join(source.digests)}"
+        )
 
 
 MOBILE_SAM = Weights(
@@ -49,18 +63,18 @@ MOBILE_SAM = Weights(
     digests=("6dbb90523a35330fedd7f1d3dfc66f995213d81b29a5ca8108dbcdd4e37d6c2f",),
     origin="the official MobileSAM weights (Apache-2.0), weights/mobile_sam.pt of github.com/ChaoningZhang/MobileSAM",
 )
-_EXPORTED = (
-    f"made from {MOBILE_SAM.file} by `pscover models export {MOBILE_SAM.file}`; {MOBILE_SAM.file} is {MOBILE_SAM.origin}"
-)
+_EXPORTED = f"what `pscover models export` makes of {MOBILE_SAM.file}"
 ENCODER = Weights(
     file="mobile_sam_encoder.onnx",
     digests=("f516d0a4ab5a825f0cc8b282365519404bf9317ba6a990476bcec7728a3d0bf2",),
     origin=_EXPORTED,
+    made_from=MOBILE_SAM,
 )
 DECODER = Weights(
     file="mobile_sam_decoder.onnx",
     digests=("383269c7b6794beb092be7a4a1a49e03ed32acd69d3c572a250cced94529536b",),
     origin=_EXPORTED,
+    made_from=MOBILE_SAM,
 )
 _META = "official weights of Segment Anything (Apache-2.0), see the README of github.com/facebookresearch/segment-anything"
 VIT_B = Weights(
@@ -112,8 +126,8 @@ def locate(weights: Weights, given: str = "") -> Path:
     if path is None:
         looked = ", ".join(map(str, folders()))
         raise InvalidSettings(
-            f"{weights.file}: not found in {looked}. It is {weights.origin}; SHA-256 {' or '.join(weights.digests)}. "
-            f"Put it into one of these folders, set {FOLDER_VARIABLE}, or give its path. Nothing is downloaded"
+            f"{weights.file}: not found in {looked}. {weights.advice}. The file goes into one of these "
+            f"folders; or set {FOLDER_VARIABLE} to its own, or give its path. Nothing is downloaded"
         )
     return vouched(path, weights.digests)
 

@@ -48,8 +48,9 @@ def load_sam(path: Path) -> Any:
         raise InvalidImage(f"{path}: expected a SAM checkpoint of tensors, got something else ({reason})") from None
     try:
         return build_sam(state)
-    except (KeyError, RuntimeError, IndexError, AttributeError, TypeError, ValueError) as error:
-        reason = str(error).strip().splitlines()[0]
+    except (LookupError, RuntimeError, AttributeError, TypeError, ValueError, ArithmeticError, AssertionError) as error:
+        said = (str(error.args[0] if error.args else "").strip() or type(error).__name__).splitlines()[0]
+        reason = f"{said} is missing" if isinstance(error, KeyError) and " " not in said else said
         raise InvalidImage(
             f"{path}: expected the weights of SAM ViT-B, -L, -H or MobileSAM, got others ({reason})"
         ) from None
@@ -65,14 +66,16 @@ def build_sam(state: dict[str, Any]) -> Any:
 
     Raises
     ------
-    KeyError, RuntimeError
+    LookupError, RuntimeError, ValueError, AssertionError
         If the names or shapes are not those of a SAM model.
     """
     segment_anything()
     from segment_anything.modeling import MaskDecoder, PromptEncoder, Sam, TwoWayTransformer
 
     encoder = _encoder({name.removeprefix(ENCODER): value for name, value in state.items() if name.startswith(ENCODER)})
-    width = state["mask_decoder.iou_token.weight"].shape[1]
+    width, given = state["mask_decoder.iou_token.weight"].shape[1], state[f"{ENCODER}neck.2.weight"].shape[0]
+    if width != given:
+        raise ValueError(f"the decoder takes {width} channels, the encoder gives {given}")
     rest = "mask_decoder."
     transformer = TwoWayTransformer(
         depth=_count(state, rest + "transformer.layers"),

@@ -38,6 +38,11 @@ def tiny_vit(state: dict[str, Any], img_size: int = 1024) -> Any:
         Its weights, named as in `mobile_sam.pt` without the prefix "image_encoder.".
     img_size
         Side of the input in pixels.
+
+    Raises
+    ------
+    KeyError, RuntimeError, ValueError
+        If a weight is missing or has a shape that does not fit the others.
     """
     import torch
 
@@ -57,7 +62,19 @@ def tiny_vit(state: dict[str, Any], img_size: int = 1024) -> Any:
             weights = {name.replace(SEPARATOR, "."): value for name, value in self.named_buffers()}
             return _embed(x, Weights(weights))
 
+    _check(used, img_size)
     return TinyViT().eval()
+
+
+def _check(state: dict[str, Any], img_size: int) -> None:
+    """Raise unless an image of that size goes through; on tensors that have shapes and no values, so at no cost."""
+    import torch
+
+    shapes = {name: torch.empty_like(value, device="meta") for name, value in state.items()}
+    embedding = _embed(torch.empty((1, 3, img_size, img_size), device="meta"), Weights(shapes))
+    side = img_size // 16
+    if embedding.shape[2:] != (side, side):
+        raise ValueError(f"an embedding of {side} x {side} expected, got {tuple(embedding.shape[2:])}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +93,8 @@ class Weights:
     here: str = ""
 
     def __getitem__(self, name: str) -> Any:
+        if self.here + name not in self.state:
+            raise KeyError(f"the weight {self.here}{name} is missing")
         return self.state[self.here + name]
 
     def __contains__(self, name: str) -> bool:
