@@ -5,7 +5,8 @@ python bench/perception_table.py --segmenter classical --sheet sheet.png
 A garment is *found* if its mark lies in a segment that holds no other mark, *merged* if it shares its segment, *missed* if
 its mark lies on the surface. *Extra* segments hold no mark: parts of a split garment, or things that are no garment. The
 column "distinct" counts found garments among those that touch no garment of their own colour. Photos are looked for beside
-the marks and in ../shared/photos.
+the marks and in ../shared/photos. The sheet shows photo with marks (green: found), cloth map, segments and plan, one line a
+photo, cut to the region of interest.
 """
 
 from __future__ import annotations
@@ -22,11 +23,16 @@ from numpy.typing import NDArray
 
 from pscover.perception.marks import MarkedPhoto, Tally, read_marks, tally
 from pscover.perception.perceive import Perception, perceive
+from pscover.planning import plan
 
 ROOT = Path(__file__).parents[1]
 MARKS = ROOT / "instances" / "photos" / "marks.json"
 FOLDERS = (ROOT.parent / "shared" / "photos", MARKS.parent)
 TILE = 420
+MARGIN = 12
+PLAN_SECONDS = 20.0
+"""Wall seconds for the plan of a photo."""
+Picture = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,39 +89,70 @@ def print_table(rows: list[Row]) -> None:
     )
 
 
-def sheet(rows: list[Row]) -> NDArray[np.uint8]:
-    """One line a photo: photo with marks, cloth map, segments."""
-    return np.concatenate([np.concatenate([_tile(view) for view in _views(row)], axis=1) for row in rows])
+def sheet(rows: list[Row]) -> Picture:
+    """One line a photo: photo with marks, cloth map, segments, plan."""
+    return np.concatenate([np.concatenate([_tile(view, row) for view in _views(row)], axis=1) for row in rows])
 
 
-def _views(row: Row) -> list[NDArray[np.uint8]]:
+def _views(row: Row) -> list[Picture]:
     import cv2
 
     seen = row.perception
     photo = seen.grid.enlarged(np.asarray(seen.scene.photo))
-    cloth = seen.grid.enlarged(seen.cloth_map.cloth)
-    labels = seen.labels
-    marked = photo.copy()
+    cloth = np.where(seen.grid.enlarged(seen.cloth_map.cloth)[:, :, None], photo, 0).astype(np.uint8)
+    marked, segments = photo.copy(), _segments(photo, seen.labels)
     cv2.polylines(marked, [np.array(row.photo.roi, dtype=np.int32)], True, (255, 0, 0), 1)
-    colours = np.random.default_rng(5).integers(60, 256, (int(labels.max()) + 1, 3)).astype(np.uint8)
-    colours[0] = 0
-    segments = (photo * 0.4 + colours[labels] * 0.6).astype(np.uint8)
-    edge = np.zeros(labels.shape, dtype=np.bool_)
-    edge[:, 1:] |= labels[:, 1:] != labels[:, :-1]
-    edge[1:] |= labels[1:] != labels[:-1]
-    segments[edge] = 255
+    planned = _with_plan(segments.copy(), seen)
     for picture in (marked, segments):
         for click in row.photo.garments:
             good = click.name in row.tally.found
             cv2.circle(picture, (click.x, click.y), 5, (0, 255, 0) if good else (255, 0, 0), -1)
             cv2.circle(picture, (click.x, click.y), 5, (0, 0, 0), 1)
-    return [marked, np.where(cloth[:, :, None], photo, 0).astype(np.uint8), segments]
+    return [marked, cloth, segments, planned]
 
 
-def _tile(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _segments(photo: Picture, labels: NDArray[np.int32]) -> Picture:
+    colours = np.random.default_rng(5).integers(60, 256, (int(labels.max()) + 1, 3)).astype(np.uint8)
+    colours[0] = 0
+    picture = (photo * 0.4 + colours[labels] * 0.6).astype(np.uint8)
+    edge = np.zeros(labels.shape, dtype=np.bool_)
+    edge[:, 1:] |= labels[:, 1:] != labels[:, :-1]
+    edge[1:] |= labels[1:] != labels[:-1]
+    picture[edge] = 255
+    return picture
+
+
+def _with_plan(picture: Picture, seen: Perception) -> Picture:
+    """The chosen grasps, numbered in order of execution: the ellipse of the gripper and its long axis."""
     import cv2
 
-    return np.asarray(cv2.resize(picture, (TILE, TILE * 3 // 4), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    if not seen.scene.garments:
+        return picture
+    chosen = plan(seen, time=PLAN_SECONDS)
+    major, minor = (axis / seen.grid.factor / 2 for axis in chosen.axes)
+    for number, grasp in enumerate(chosen.grasps, start=1):
+        at = round(grasp.x), round(grasp.y)
+        dx, dy = major * np.cos(grasp.theta), major * np.sin(grasp.theta)
+        for colour, width in (((0, 0, 0), 4), ((255, 255, 0), 2)):
+            cv2.ellipse(picture, at, (round(major), round(minor)), float(np.degrees(grasp.theta)), 0, 360, colour, width)
+        cv2.line(picture, (round(at[0] - dx), round(at[1] - dy)), (round(at[0] + dx), round(at[1] + dy)), (0, 0, 0), 1)
+        cv2.putText(picture, str(number), (at[0] - 5, at[1] + 5), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 3)
+        cv2.putText(picture, str(number), (at[0] - 5, at[1] + 5), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1)
+    return picture
+
+
+def _tile(picture: Picture, row: Row) -> Picture:
+    """The region of interest's box, as wide as all others and in its own proportions, on black."""
+    import cv2
+
+    x, y = (np.array(values) for values in zip(*row.photo.roi, strict=True))
+    part = picture[max(0, y.min() - MARGIN) : y.max() + MARGIN, max(0, x.min() - MARGIN) : x.max() + MARGIN]
+    tall = TILE * 3 // 4
+    scale = min(TILE / part.shape[1], tall / part.shape[0])
+    small = cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)[:tall, :TILE]
+    tile = np.zeros((tall, TILE, 3), dtype=np.uint8)
+    tile[: small.shape[0], : small.shape[1]] = small
+    return tile
 
 
 def main() -> None:

@@ -216,3 +216,17 @@ def test_voids_are_black_bars_and_what_is_black_besides() -> None:
 def test_arrays_that_are_no_photo(photo: NDArray[np.uint8]) -> None:
     with pytest.raises(InvalidImage, match="photo: expected"):
         rgb(photo)
+
+
+@pytest.mark.parametrize(("step", "found"), [(30, True), (0, False)])
+def test_a_garment_paler_than_the_threshold_is_found_where_distances_are_rare_in_between(step: int, found: bool) -> None:
+    rng = np.random.default_rng(3)
+    photo = np.full((120, 160, 3), 215, dtype=np.uint8)
+    photo[40:80, 50:100, 0] -= np.uint8(step)
+    noisy = np.clip(photo + rng.normal(0, 2, photo.shape), 0, 255).astype(np.uint8)
+    seen = cloth_map(noisy)
+    inside = seen.distance[45:75, 55:95]
+    assert float(np.median(inside)) < 14, "paler than the usual threshold"
+    assert bool(seen.cloth[60, 80]) is found
+    assert not seen.cloth[10:20].any()
+    assert (seen.threshold < 14) is found

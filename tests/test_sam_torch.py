@@ -154,6 +154,67 @@ def test_cuda_and_cpu_agree(checkpoint: Path, photo: NDArray[np.uint8]) -> None:
     assert np.allclose(cpu.logits, cuda.logits, atol=1e-2)
 
 
+def test_a_device_that_is_there_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    assert [usable(name) for name in ("auto", "cuda", "cuda:1", "cpu")] == ["cuda", "cuda", "cuda:1", "cpu"]
+    monkeypatch.setattr(torch.version, "cuda", "13.0")
+    with pytest.raises(Refused, match=r"device 'cuda:2': torch sees 2 CUDA devices"):
+        usable("cuda:2")
+
+
+class Elsewhere:
+    """A model on a device that only has shapes: it notes where what it is given lies and in which precision."""
+
+    device = torch.device("meta")
+
+    def __init__(self) -> None:
+        self.given: list[Any] = []
+
+    @property
+    def image_encoder(self) -> Any:
+        return self
+
+    prompt_encoder = image_encoder
+    img_size = SIDE
+
+    def __call__(self, *tensors: Any, points: Any = (), boxes: None = None, masks: None = None) -> Any:
+        self.given += [*tensors, *points]
+        return self.given[0] if tensors else (points[0], points[0])
+
+    def get_dense_pe(self) -> Any:
+        return torch.zeros(1, device=self.device)
+
+    def mask_decoder(self, *, multimask_output: bool, **tensors: Any) -> tuple[Any, Any]:
+        self.given += tensors.values()
+        assert multimask_output
+        count = len(tensors["sparse_prompt_embeddings"])
+        return torch.ones(count, 3, SIDE // 4, SIDE // 4), torch.ones(count, 3)
+
+
+def test_all_that_the_model_is_given_is_on_its_device(photo: NDArray[np.uint8]) -> None:
+    model = Elsewhere()
+    decoded = TorchSam(model=model).embed(photo).decode(np.array([[30.0, 20.0], [5.0, 5.0]]))
+    assert decoded.logits.shape[:2] == (2, 3)
+    assert len(model.given) == 7
+    assert {tensor.device.type for tensor in model.given} == {"meta"}
+    assert {tensor.dtype for tensor in model.given} == {torch.float32, torch.int32}
+
+
+def test_the_stand_in_for_nms_brings_groups_to_the_boxes_device() -> None:
+    class OnTheCpu:
+        moved: Any = None
+
+        def to(self, device: Any) -> Any:
+            self.moved = device
+            return torch.zeros(2)
+
+    groups, boxes = OnTheCpu(), torch.tensor([[0.0, 0.0, 4.0, 4.0], [0.0, 0.0, 4.0, 3.9]])
+    kept = torchvision_stand_in.batched_nms(boxes, torch.tensor([0.5, 0.9]), groups, 0.7)
+    assert kept.tolist() == [1]
+    assert groups.moved == boxes.device
+
+
 def test_a_broken_torchvision_is_stood_in_for_and_leaves_no_trace(
     without_segment_anything: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -215,7 +276,7 @@ def test_export_to_onnx_gives_the_same_masks(checkpoint: Path, photo: NDArray[np
     assert [(mask.top, mask.left, mask.area) for mask in one] == [(mask.top, mask.left, mask.area) for mask in two]
 
 
-def tiny_vit_state() -> dict[str, Any]:
+def tiny_vit_state(width: int = 6) -> dict[str, Any]:
     """Random weights of a small TinyViT: one block a stage, widths 8 to 12, windows of 3 x 3."""
     state: dict[str, Any] = {}
 
@@ -233,22 +294,22 @@ def tiny_vit_state() -> dict[str, Any]:
     convolution("patch_embed.seq.2", 8, 4, 3)
     for number, shape in (("1", (16, 8, 1)), ("2", (16, 1, 3)), ("3", (8, 16, 1))):
         convolution(f"layers.0.blocks.0.conv{number}", *shape)
-    for stage, width in ((1, 8), (2, 8), (3, 12)):
+    for stage, wide in ((1, 8), (2, 8), (3, 12)):
         block, before = f"layers.{stage}.blocks.0", f"layers.{stage - 1}.downsample"
-        convolution(f"{before}.conv1", width, 8, 1)
-        convolution(f"{before}.conv2", width, 1, 3)
-        convolution(f"{before}.conv3", width, width, 1)
+        convolution(f"{before}.conv1", wide, 8, 1)
+        convolution(f"{before}.conv2", wide, 1, 3)
+        convolution(f"{before}.conv3", wide, wide, 1)
         state[f"{block}.attn.attention_biases"] = torch.randn(2, 9)
-        convolution(f"{block}.local_conv", width, 1, 3)
+        convolution(f"{block}.local_conv", wide, 1, 3)
         for name, sizes in (
-            ("attn.norm", (width,)), ("attn.qkv", (3 * width, width)), ("attn.proj", (width, width)),
-            ("mlp.norm", (width,)), ("mlp.fc1", (16, width)), ("mlp.fc2", (width, 16)),
+            ("attn.norm", (wide,)), ("attn.qkv", (3 * wide, wide)), ("attn.proj", (wide, wide)),
+            ("mlp.norm", (wide,)), ("mlp.fc1", (16, wide)), ("mlp.fc2", (wide, 16)),
         ):  # fmt: skip
             plain(f"{block}.{name}", *sizes)
-    plain("neck.0", 6, 12, 1, 1)
-    plain("neck.1", 6)
-    plain("neck.2", 6, 6, 3, 3)
-    plain("neck.3", 6)
+    plain("neck.0", width, 12, 1, 1)
+    plain("neck.1", width)
+    plain("neck.2", width, width, 3, 3)
+    plain("neck.3", width)
     return state
 
 
@@ -265,6 +326,44 @@ def test_the_encoder_of_mobile_sam_survives_the_way_to_onnx() -> None:
         expected = encoder(photo).numpy()
     assert got.shape == (1, 6, 4, 4)
     assert np.abs(got - expected).max() < 1e-4
+
+
+def whole_mobile_sam() -> dict[str, Any]:
+    """A checkpoint of a small MobileSAM: TinyViT, and SAM's own prompt encoder and mask decoder."""
+    package = torchvision_stand_in.segment_anything()
+    from segment_anything.modeling import MaskDecoder, PromptEncoder, TwoWayTransformer
+
+    assert package
+    decoder = MaskDecoder(
+        transformer_dim=16, transformer=TwoWayTransformer(depth=1, embedding_dim=16, num_heads=8, mlp_dim=16),
+        num_multimask_outputs=3, iou_head_depth=2, iou_head_hidden_dim=8,
+    )  # fmt: skip
+    prompts = PromptEncoder(embed_dim=16, image_embedding_size=(64, 64), input_image_size=(1024, 1024), mask_in_chans=4)
+    return {
+        **{f"image_encoder.{name}": value for name, value in tiny_vit_state(width=16).items()},
+        **{f"prompt_encoder.{name}": value for name, value in prompts.state_dict().items()},
+        **{f"mask_decoder.{name}": value for name, value in decoder.state_dict().items()},
+    }
+
+
+@pytest.mark.parametrize(
+    "lost",
+    [
+        "image_encoder.layers.2.blocks.0.attn.qkv.weight", "image_encoder.neck.2.weight", "image_encoder.layers.1.",
+        "image_encoder.layers.0.downsample.conv2.bn.running_var", "mask_decoder.iou_token.weight", "prompt_encoder.",
+    ],
+)  # fmt: skip
+def test_a_checkpoint_that_lacks_weights_is_refused_when_it_is_loaded(tmp_path: Path, lost: str) -> None:
+    whole = whole_mobile_sam()
+    torch.save(whole, tmp_path / "whole.pt")
+    assert TorchSam.load(tmp_path / "whole.pt", "cpu").model.image_encoder.img_size == 1024
+    torch.save({name: value for name, value in whole.items() if not name.startswith(lost)}, tmp_path / "part.pt")
+    with pytest.raises(InvalidImage, match=r"part\.pt: expected the weights of SAM .* or MobileSAM, got others \(.{9,}\)"):
+        TorchSam.load(tmp_path / "part.pt", "cpu")
+    narrow = {f"image_encoder.{name}": value for name, value in tiny_vit_state(width=8).items()}
+    torch.save({**whole, **narrow}, tmp_path / "mixed.pt")
+    with pytest.raises(InvalidImage, match="decoder takes 16 channels, the encoder gives 8"):
+        TorchSam.load(tmp_path / "mixed.pt", "cpu")
 
 
 def test_files_that_are_no_models_are_our_errors(tmp_path: Path) -> None:

@@ -3,18 +3,20 @@
 The rules, in order:
 
 1.  A mask is cut to the cloth. One with more than `off_cloth` of its pixels off the cloth is of the surface and goes.
-2.  A *group* goes: a mask of which at least two smaller, disjoint masks of different colours cover `group_cover`.
+2.  Where masks come with scores (any below 1), one that is worth less than the masks inside it goes: it shows several
+    garments (`pscover.perception.unions`).
+3.  A *group* goes: a mask of which at least two smaller, disjoint masks of different colours cover `group_cover`.
     It shows a heap rather than a garment.
-3.  Largest first, a mask that lies in a larger kept one by at least `redundant` of its pixels goes (the paper's glove and
+4.  Largest first, a mask that lies in a larger kept one by at least `redundant` of its pixels goes (the paper's glove and
     fingers), unless it is at least `part_share` of it and of another colour: then the larger one shows two garments.
-4.  What is left is painted largest first: where masks overlap, the smaller one is on top.
-5.  Cloth that no mask covers goes to the nearest label within `gap`; what is farther away becomes segments of its own.
-6.  A connected piece of a label below `min_segment_area` is a fragment: it goes to the neighbour that it touches along most
+5.  What is left is painted largest first: where masks overlap, the smaller one is on top. Pieces of one mask that others cut
+    apart keep one label.
+6.  Cloth that no mask covers goes to the nearest label within `gap`; what is farther away becomes segments of its own, told
+    apart by colour (`pscover.perception.shades`).
+7.  A connected piece of a label below `min_segment_area` is a fragment: it goes to the neighbour that it touches along most
     pixel edges. Fragments that touch no segment become one segment if together they are large enough, and surface
     if not. So every connected piece of cloth of at least `min_segment_area` is labelled to its last pixel.
-7.  Labels are numbered from 1 by decreasing area.
-
-Pieces of one mask that others cut apart keep one label.
+8.  Labels are numbered from 1 by decreasing area.
 """
 
 from __future__ import annotations
@@ -30,6 +32,8 @@ from pscover.errors import InvalidImage, InvalidSettings
 from pscover.perception.colour import FloatImage
 from pscover.perception.mask import Mask
 from pscover.perception.regions import absorb, pieces, renumbered, sizes
+from pscover.perception.shades import by_colour
+from pscover.perception.unions import without_unions
 
 BoolImage = NDArray[np.bool_]
 LabelImage = NDArray[np.int32]
@@ -109,7 +113,7 @@ def to_labels(
     Parameters
     ----------
     masks
-        In any order; the result depends on it only between masks of equal area and score.
+        In any order; the result depends on it only between masks of equal area and score. A score of 1 says nothing.
     cloth
         Which pixels show cloth, shape (H, W). No other pixel gets a label.
     settings
@@ -133,11 +137,11 @@ def to_labels(
     [0, 300, 300]
     """
     using = settings or CleanUp()
-    kept = _kept(_on_cloth(masks, cloth, using), using, image)
+    kept = _kept(_on_cloth(masks, cloth, using), (cloth.shape[0], cloth.shape[1]), using, image)
     painted = np.zeros(cloth.shape, dtype=np.int32)
     for number, mask in enumerate(kept, start=1):
         painted[mask.window][mask.bits] = number
-    whole = _without_fragments(_with_uncovered(painted, cloth, using, len(kept)), using)
+    whole = _without_fragments(_with_uncovered(painted, cloth, using, len(kept), image), using)
     labels, origin = renumbered(whole)
     labels.setflags(write=False)
     sources = [kept[old - 1] if old <= len(kept) else None for old in origin.tolist()]
@@ -161,18 +165,20 @@ def _on_cloth(masks: Sequence[Mask], cloth: BoolImage, settings: CleanUp) -> lis
             )
         bits = mask.bits & cloth[mask.window]
         area, before = np.count_nonzero(bits), mask.area
-        if area > 0 and area >= (1 - settings.off_cloth) * before:
+        if area < max(1, settings.min_segment_area):
+            # It could only be a fragment; what it covers falls to its surroundings.
+            continue
+        if area >= (1 - settings.off_cloth) * before:
             cut.append(Mask(top=mask.top, left=mask.left, bits=bits, score=mask.score, name=mask.name))
     return sorted(cut, key=lambda mask: (-mask.area, -mask.score))
 
 
-def _kept(masks: list[Mask], settings: CleanUp, image: FloatImage | None) -> list[Mask]:
-    """Rules 2 and 3: neither groups nor redundant masks, largest first."""
+def _kept(masks: list[Mask], shape: tuple[int, int], settings: CleanUp, image: FloatImage | None) -> list[Mask]:
+    """Rules 2 to 4: no unions, groups or redundant masks, largest first."""
+    if any(mask.score < 1 for mask in masks):
+        masks = without_unions(masks, shape, image)
     kept: list[Mask] = []
     for k, mask in enumerate(masks):
-        if mask.area < settings.min_segment_area:
-            # It could only be a fragment; what it covers falls to its surroundings.
-            continue
         if image is not None and _is_group(mask, masks[k + 1 :], settings, image):
             continue
         if not any(_is_redundant(mask, larger, settings, image) for larger in kept):
@@ -187,9 +193,7 @@ def _is_group(mask: Mask, smaller: list[Mask], settings: CleanUp, image: FloatIm
     colours = []
     for other in smaller:
         size = other.area
-        if size < settings.min_segment_area or size > settings.redundant * area:
-            continue
-        if overlap(other, mask) < settings.redundant * size:
+        if size > settings.redundant * area or overlap(other, mask) < settings.redundant * size:
             continue
         inner = other.pixels(image.shape[:2])[mask.window]
         if np.count_nonzero(inner & covered) <= (1 - settings.redundant) * size:
@@ -240,25 +244,38 @@ def _distance(one: NDArray[np.float32], two: NDArray[np.float32]) -> float:
     return float(np.linalg.norm(one - two))
 
 
-def _with_uncovered(painted: LabelImage, cloth: BoolImage, settings: CleanUp, masks: int) -> LabelImage:
-    """Rule 5; new labels start above the number of masks."""
+def _with_uncovered(
+    painted: LabelImage, cloth: BoolImage, settings: CleanUp, masks: int, image: FloatImage | None
+) -> LabelImage:
+    """Rule 6; new labels start above the number of masks."""
     free = cloth & (painted == 0)
     if not free.any():
         return painted
     if not painted.any():
-        islands = pieces(free.astype(np.int32))
+        islands = _islands(free, settings, image)
         return np.where(islands > 0, islands + masks, 0).astype(np.int32)
     from scipy.ndimage import distance_transform_edt
 
     away, (rows, columns) = distance_transform_edt(painted == 0, return_indices=True)
     rim = free & (away <= settings.gap)
-    islands = pieces((free & ~rim).astype(np.int32))
+    islands = _islands(free & ~rim, settings, image)
     labelled = np.where(islands > 0, islands + masks, painted)
     return np.where(rim, painted[rows, columns], labelled).astype(np.int32)
 
 
+def _islands(free: BoolImage, settings: CleanUp, image: FloatImage | None) -> LabelImage:
+    """Connected pieces of uncovered cloth; where they are large enough for it and there is an image, by colour."""
+    islands = pieces(free.astype(np.int32))
+    large = sizes(islands) >= max(1, 2 * settings.min_segment_area)
+    large[0] = False
+    if image is None or not large.any():
+        return islands
+    parts = by_colour(image, large[islands])
+    return np.where(parts > 0, parts + int(islands.max()), islands).astype(np.int32)
+
+
 def _without_fragments(labels: LabelImage, settings: CleanUp) -> LabelImage:
-    """Rule 6."""
+    """Rule 7."""
     parts = pieces(labels)
     area = sizes(parts)
     owner = np.zeros(len(area), dtype=np.int32)

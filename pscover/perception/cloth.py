@@ -19,6 +19,10 @@ from pscover.perception.surface import Surface, fit_surface
 BoolImage = NDArray[np.bool_]
 LIGHT, NOISE = 75.0, 4.0
 """L of a surface on which the threshold is as given, and its least multiple of the surface's median distance."""
+BIN, SMOOTH, REACH = 0.25, 0.75, 2.0
+"""Distances are counted in bins this wide, smoothed by so much, and looked at so far beyond the threshold."""
+RISE, FEW = 2.0, 5.0
+"""Beyond a valley, distances are this many times as common as in it, where so many pixels a bin count as none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,8 +33,10 @@ class ClothSettings:
     ----------
     threshold
         Colour distance from which a pixel is cloth, on a surface of L = 75 or more; on a darker one, or in less light, all
-        distances are smaller, and so is the threshold, in proportion, but not below four times the surface's noise. The
-        distance is that of CIE Lab with L weighted by `lightness`.
+        distances are smaller, and so is the threshold, in proportion, but not below four times the surface's noise (the
+        median distance of what is below the threshold). Where a garment is paler than that, so that distances are rare at
+        first and then common again below the threshold, it is where they are rarest. The distance is that of CIE Lab with
+        L weighted by `lightness`.
     lightness
         Weight of L; less than 1, for a shadow on the surface is darker, not of another colour.
     median
@@ -164,9 +170,24 @@ def cloth_map(
 
 
 def _threshold(highest: float, lightness: float, distances: FloatImage) -> float:
+    """Between the noise of the surface and the palest garment: see `ClothSettings.threshold`."""
     ground = distances[distances < highest]
-    noise = float(np.median(ground)) if len(ground) else 0.0
-    return min(highest, max(highest * lightness / LIGHT, NOISE * noise))
+    least = NOISE * (float(np.median(ground)) if len(ground) else 0.0)
+    usual = min(highest, max(highest * lightness / LIGHT, least))
+    return min(usual, _valley(distances, least, usual))
+
+
+def _valley(distances: FloatImage, low: float, high: float) -> float:
+    """The distance from `low` to `high` beyond which distances become most times as common again; `high` if none do."""
+    from scipy.ndimage import gaussian_filter1d
+
+    bins = math.ceil((high + REACH) / BIN)
+    counts, edges = np.histogram(distances, bins=bins, range=(0, bins * BIN))
+    density = gaussian_filter1d(counts.astype(float), SMOOTH / BIN) + FEW
+    beyond = np.maximum.accumulate(density[::-1])[::-1]
+    middles = edges[:-1] + BIN / 2
+    rise = np.where((middles >= low) & (middles <= high), beyond / density, 0.0)
+    return float(middles[rise.argmax()]) if rise.max() >= RISE else high
 
 
 def majority(bits: BoolImage, kernel: int, rounds: int = 2) -> BoolImage:

@@ -21,7 +21,6 @@ from pscover.perception.prompts import interior_points
 from pscover.perception.proposals import Proposals, areas, distinct, stability
 from pscover.perception.segmenter import Segmentation
 from pscover.perception.stopwatch import Stopwatch
-from pscover.perception.unions import without_unions
 
 RIM = 2
 """Cells over which the blur of colours reaches."""
@@ -82,7 +81,9 @@ class Guide:
 
 
 def segment_guided(model: Promptable, photo: NDArray[np.uint8], cloth: NDArray[np.bool_], guide: Guide) -> Segmentation:
-    """Masks of the garments, with the time of the stages "encoder", "decoder" and "post-processing".
+    """Masks of the garments, also of their parts and of several as one, with their scores: the clean-up tells them apart.
+
+    The stages are "encoder", "decoder" and "post-processing".
 
     Parameters
     ----------
@@ -113,7 +114,6 @@ def segment_guided(model: Promptable, photo: NDArray[np.uint8], cloth: NDArray[n
     found = Search(embedded, cloth, colour, guide, watch).run()
     with watch.stage("post-processing"):
         found = found[distinct(found.inside(), found.score, guide.max_overlap)]
-        found = found[without_unions(found.inside(), found.score, colour, guide.min_iou, guide.alike)]
         masks = tuple(
             replace(mask, top=mask.top + part[0].start, left=mask.left + part[1].start)
             for mask in found.enlarged(embedded.frame)

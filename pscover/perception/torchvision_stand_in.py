@@ -106,7 +106,8 @@ def batched_nms(boxes: Any, scores: Any, idxs: Any, iou_threshold: float) -> Any
     import torch
 
     order = torch.argsort(scores, descending=True, stable=True)
-    boxes, groups = boxes[order].float(), idxs[order]
+    # The published generator makes the groups on the CPU, wherever the boxes are.
+    boxes, groups = boxes[order].float(), idxs.to(boxes.device)[order]
     areas = box_area(boxes)
     alive = torch.ones(len(order), dtype=torch.bool, device=boxes.device)
     for i in range(len(order)):

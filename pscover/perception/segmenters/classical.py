@@ -11,6 +11,8 @@ No weights and no training; `bench/bench_perception.py` says what it costs. Step
 4.  neighbouring regions are merged, the most alike first (`pscover.perception.merging`);
 5.  what lies near a boundary is flooded again from both sides, so that the boundary settles on the edge.
 
+Steps 2 to 5 are `pscover.perception.shades`.
+
 What it cannot do: tell apart garments of one colour that touch (two light-blue shirts are one segment), keep a garment with
 large prints or wide stripes whole (they become segments), join the parts of a garment that another one divides, or see
 a garment of the surface's colour. SAM does most of these better and costs more.
@@ -25,19 +27,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pscover.errors import InvalidSettings, MissingDependency
-from pscover.perception.colour import FloatImage, Photo, lab, opencv
+from pscover.perception.colour import Photo, lab, opencv
 from pscover.perception.mask import Mask
 from pscover.perception.merging import merge
 from pscover.perception.regions import pieces
 from pscover.perception.segmenter import Segmentation
+from pscover.perception.shades import (
+    COMPACTNESS,
+    LIGHTNESS,
+    LIMIT,
+    SMALL,
+    SPACING,
+    compact_regions,
+    settled,
+    shade_tolerant,
+    steps,
+)
 from pscover.perception.stopwatch import Stopwatch
 
 BoolImage = NDArray[np.bool_]
 LabelImage = NDArray[np.int32]
-BAND = 4
-"""How far boundaries may move to the nearest edge, in pixels."""
-STEP_SIGMA = 2.0
-"""Scale in pixels at which steps between regions are measured."""
+DARKEST = 0.2
+"""A photo whose brightest pixels are darker than this share of white is taken for one that has it: the rest is noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,11 +74,11 @@ class Classical:
         If a setting is outside its domain.
     """
 
-    limit: float = 12.0
-    small: float = 2000.0
-    spacing: int = 14
-    compactness: float = 0.02
-    lightness: float = 10.0
+    limit: float = LIMIT
+    small: float = SMALL
+    spacing: int = SPACING
+    compactness: float = COMPACTNESS
+    lightness: float = LIGHTNESS
 
     name: ClassVar[str] = "classical"
     requires: ClassVar[tuple[str, ...]] = ("cv2", "skimage")
@@ -104,80 +115,22 @@ class Classical:
             return Segmentation(masks=())
         watch = Stopwatch()
         with watch.stage("features"):
-            features = shade_tolerant(evened(photo), self.lightness)
+            features = shade_tolerant(lab(evened(photo)), self.lightness)
         with watch.stage("regions"):
-            regions = self._regions(features, cloth)
+            regions = compact_regions(features, cloth, self.spacing, self.compactness)
         with watch.stage("merging"):
-            # A blurred step of height h has the slope h / (sigma sqrt(2 pi)) in its middle.
-            step = gradient(features, STEP_SIGMA) * np.float32(STEP_SIGMA * np.sqrt(2 * np.pi))
-            merged = merge(regions, features, step, self.limit, self.small)
+            merged = merge(regions, features, steps(features), self.limit, self.small)
         with watch.stage("boundaries"):
             masks = _masks(pieces(settled(merged, features)))
         return Segmentation(masks=masks, stages=watch.stages)
 
-    def _regions(self, features: FloatImage, cloth: BoolImage) -> LabelImage:
-        """Compact regions; every piece of cloth has at least one."""
-        from skimage.segmentation import watershed
-
-        markers = np.zeros(cloth.shape, dtype=np.int32)
-        at = slice(self.spacing // 2, None, self.spacing)
-        grid = markers[at, at]
-        grid[...] = np.arange(1, grid.size + 1).reshape(grid.shape)
-        markers[~cloth] = 0
-        islands = pieces(cloth.astype(np.int32))
-        without = np.setdiff1d(np.arange(1, islands.max() + 1), islands[markers > 0])
-        if len(without):
-            first = np.unique(islands.ravel(), return_index=True)
-            place = dict(zip(first[0].tolist(), first[1].tolist(), strict=True))
-            for number, island in enumerate(without.tolist(), start=grid.size + 1):
-                markers.ravel()[place[island]] = number
-        cut = watershed(gradient(features, 1.2), markers, mask=cloth, compactness=self.compactness)
-        return np.asarray(cut, dtype=np.int32)
-
 
 def evened(photo: Photo) -> Photo:
-    """The photo with folds and knitting evened out and edges kept."""
+    """The photo with folds and knitting evened out and edges kept; in a dark photo, edges are lower in proportion."""
     cv2 = opencv("segmenter 'classical'")
-    once = cv2.bilateralFilter(photo, 9, 40, 7)
-    return np.asarray(cv2.bilateralFilter(once, 9, 30, 7), dtype=np.uint8)
-
-
-def shade_tolerant(photo: Photo, lightness: float = 10.0) -> FloatImage:
-    """Features that change little under shading: weighted log of luminance, and a and b over lightness, shape (H, W, 3)."""
-    features = lab(photo)
-    height = features[:, :, 0].copy()
-    features *= np.float32(75) / (features[:, :, :1] + np.float32(25))
-    luminance = np.where(height > 8, ((height + 16) / 116) ** 3, height / np.float32(903.3)) * 100
-    features[:, :, 0] = np.float32(lightness) * np.log(luminance + np.float32(2))
-    return features
-
-
-def gradient(features: FloatImage, sigma: float) -> FloatImage:
-    """Length of the features' gradient at a scale of sigma pixels, shape (H, W)."""
-    cv2 = opencv("segmenter 'classical'")
-    blurred = cv2.GaussianBlur(features, (0, 0), sigma)
-    square = np.zeros(features.shape[:2], dtype=np.float32)
-    for dx, dy in ((1, 0), (0, 1)):
-        # Central differences: (f(x + 1) - f(x - 1)) / 2.
-        slope = cv2.Sobel(blurred, cv2.CV_32F, dx, dy, ksize=1, scale=0.5)
-        square += np.einsum("ijk,ijk->ij", slope, slope)
-    return np.sqrt(square)
-
-
-def settled(labels: LabelImage, features: FloatImage) -> LabelImage:
-    """Labels whose boundaries have moved by up to `BAND` pixels to the nearest edge; none disappears, 0 stays 0."""
-    from skimage.segmentation import watershed
-
-    cv2 = opencv("segmenter 'classical'")
-    kernel = np.ones((2 * BAND + 1, 2 * BAND + 1), dtype=np.uint8)
-    image = labels.astype(np.float32)
-    # Surface must not count as another label: garments are settled against each other only.
-    lowest = -cv2.dilate(np.where(labels > 0, -image, -np.inf).astype(np.float32), kernel)
-    near = cv2.dilate(image, kernel) != lowest
-    markers = np.where(near, 0, labels)
-    gone = np.setdiff1d(labels, markers)
-    markers = np.where(np.isin(labels, gone), labels, markers)
-    return np.asarray(watershed(gradient(features, 1.0), markers, mask=labels > 0), dtype=np.int32)
+    brightest = float(np.clip(np.quantile(photo[::4, ::4].max(axis=2), 0.99) / 255, DARKEST, 1))
+    once = cv2.bilateralFilter(photo, 9, 40 * brightest, 7)
+    return np.asarray(cv2.bilateralFilter(once, 9, 30 * brightest, 7), dtype=np.uint8)
 
 
 def _masks(labels: LabelImage) -> tuple[Mask, ...]:

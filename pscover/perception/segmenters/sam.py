@@ -43,7 +43,8 @@ class Sam:
     mode
         "guided", or "amg" as published.
     device
-        "cpu", "cuda", "cuda:<number>", or "auto": CUDA where there is any.
+        "cpu", "cuda", "cuda:<number>", or "auto": CUDA where there is any. In single precision everywhere. CUDA is tested
+        with stand-ins for a device alone, never on one.
     threads
         Threads of torch on the CPU.
     prompts
