@@ -12,8 +12,10 @@ import numpy as np
 from msgspec import Struct
 
 from pscover.files import write_bytes
+from pscover.grasps import Grasp
 from pscover.instance import Instance
-from pscover.planning import Grasp, Plan
+from pscover.perception.depth import HeightMap
+from pscover.planning import Plan
 
 
 class RemovalV1(Struct):
@@ -25,7 +27,10 @@ class RemovalV1(Struct):
 
 
 class GraspV1(Struct):
-    """A grasp: point in pixels of the photo and in centimetres from its top left pixel, angle in radians."""
+    """A grasp: point in pixels of the photo and in centimetres from its top left pixel, angle in radians.
+
+    `height_cm` is that of the cloth there above the table, null without depth.
+    """
 
     x: float
     y: float
@@ -34,22 +39,42 @@ class GraspV1(Struct):
     theta: float
     basket_cm: float
     removes: list[RemovalV1]
+    height_cm: float | None = None
 
 
 class GarmentV1(Struct):
-    """A garment: its name and label, q_j, and how probably the plan removes it."""
+    """A garment: its name and label, q_j, how probably the plan removes it, and with depth its top and its mean height."""
 
     name: str
     label: int
     required: float
     coverage: float
+    top_cm: float | None = None
+    mean_cm: float | None = None
+
+
+class DepthV1(Struct):
+    """The depth image that was looked at: heights were measured from the plane 1/z = a + b x + c y, z in metres.
+
+    `plane` is (a, b, c), found in the image if `fitted`; `intrinsics` are (fx, fy, cx, cy) or null; `spread_cm` is how flat
+    the table was seen (null if no pixel lies near it), `holes` the share of pixels that were filled.
+    """
+
+    source: str
+    metres_per_unit: float
+    intrinsics: tuple[float, float, float, float] | None
+    plane: tuple[float, float, float]
+    fitted: bool
+    spread_cm: float | None
+    holes: float
 
 
 class PlanV1(Struct, tag_field="schema", tag="pscover.plan/1"):
     """Grasps in order of execution, and what is known of them; a bound or objective that is not known is null.
 
-    Everything is in pixels of the photo, or of the labels where there was no photo. `origin` says what was looked at, and
-    how; `seconds` has wall seconds of every stage.
+    `status` and `bound` hold over `poses` poses: the drawn candidates if `candidates` is "sampled", every pose of the grid
+    if it is "all". Everything is in pixels of the photo, or of the labels where there was no photo. `origin` says what was
+    looked at, and how; `seconds` has wall seconds of every stage.
     """
 
     source: str
@@ -64,19 +89,35 @@ class PlanV1(Struct, tag_field="schema", tag="pscover.plan/1"):
     formulation: str
     backend: str
     seed: int
+    candidates: str
+    poses: int
     bound: float | None
     expected_removed: float
     seconds: dict[str, float]
     grasps: list[GraspV1]
     garments: list[GarmentV1]
     unmet: list[str]
+    depth: DepthV1 | None = None
+
+
+def depth_document(heights: HeightMap) -> DepthV1:
+    """What was used of a depth image."""
+    camera, table = heights.camera, heights.table
+    return DepthV1(
+        source=heights.source,
+        metres_per_unit=heights.metres_per_unit,
+        intrinsics=None if camera is None else (camera.fx, camera.fy, camera.cx, camera.cy),
+        plane=(table.offset, table.slope_x, table.slope_y),
+        fitted=heights.fitted,
+        spread_cm=100 * heights.spread if math.isfinite(heights.spread) else None,
+        holes=heights.hole_share,
+    )
 
 
 def document(plan: Plan) -> PlanV1:
     """The plan in the form in which it is written."""
     seen, scene, result = plan.seen, plan.scene, plan.result
     height, width = seen.grid.photo_shape
-    garments = zip(scene.names, scene.values, plan.instance.required, plan.coverage, strict=True)
     return PlanV1(
         source=scene.source,
         origin=seen.origin,
@@ -85,11 +126,13 @@ def document(plan: Plan) -> PlanV1:
         height=height,
         pixels_per_cm=seen.pixels_per_cm,
         basket=seen.basket,
-        status=str((plan.strict or result).status),
+        status=str(plan.status),
         stop=str(result.stop),
         formulation=result.formulation,
         backend=result.backend,
         seed=result.settings.seed,
+        candidates=plan.scope.candidates,
+        poses=plan.scope.poses,
         bound=plan.bound if math.isfinite(plan.bound) else None,
         expected_removed=plan.expected_removed,
         seconds={
@@ -98,9 +141,19 @@ def document(plan: Plan) -> PlanV1:
             "solve": plan.seconds.solve,
         },
         grasps=[_grasp(plan, grasp) for grasp in plan.grasps],
-        garments=[GarmentV1(name, int(label), float(q), float(p)) for name, label, q, p in garments],
+        garments=_garments(plan),
         unmet=[scene.names[j] for j in plan.unmet],
+        depth=None if seen.heights is None else depth_document(seen.heights),
     )
+
+
+def _garments(plan: Plan) -> list[GarmentV1]:
+    scene, heights = plan.scene, plan.seen.garment_heights
+    garments = zip(scene.names, scene.values, plan.instance.required, plan.coverage, strict=True)
+    rows = [GarmentV1(name, int(label), float(q), float(p)) for name, label, q, p in garments]
+    for row, high in zip(rows, heights or (), strict=False):
+        row.top_cm, row.mean_cm = 100 * high.top, 100 * high.mean
+    return rows
 
 
 def instance_of_photo(plan: Plan) -> Instance:
@@ -139,7 +192,8 @@ def save_plan(plan: Plan, path: str | PathLike[str]) -> None:
 
 
 def _grasp(plan: Plan, grasp: Grasp) -> GraspV1:
-    scale = plan.seen.pixels_per_cm
+    scale, heights = plan.seen.pixels_per_cm, plan.seen.heights
+    column, row = (round(value) for value in plan.seen.grid.from_photo(grasp.x, grasp.y))
     return GraspV1(
         x=grasp.x,
         y=grasp.y,
@@ -151,4 +205,5 @@ def _grasp(plan: Plan, grasp: Grasp) -> GraspV1:
             RemovalV1(removed.name, int(plan.scene.values[removed.garment]), removed.probability)
             for removed in grasp.removes
         ],
+        height_cm=None if heights is None else 100 * float(heights.metres[row, column]),
     )

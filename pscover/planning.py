@@ -7,80 +7,39 @@ import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pscover import registry
 from pscover.backend import Backend
-from pscover.errors import Refused
+from pscover.errors import InvalidSettings, Refused, UnknownName
 from pscover.formulation import Formulation
 from pscover.goal import Cover
-from pscover.grasping.candidates import candidates
+from pscover.grasping.candidates import candidates as draw
 from pscover.grasping.conflicts import Conflicts
 from pscover.grasping.ellipse import Ellipse
+from pscover.grasping.pool import Candidates, Scope
 from pscover.grasping.predictor import Predictor
 from pscover.grasping.sampling import Sampling
+from pscover.grasps import Grasp, ordered
 from pscover.instance import TOLERANCE, Instance
-from pscover.perception.grid import PAPER_PIXELS_PER_CM, Grid
+from pscover.perception.grid import PAPER_PIXELS_PER_CM
 from pscover.perception.segmenter import Segmenter
-from pscover.result import Observer, Result, Settings, Stop, ignore
+from pscover.result import Observer, Result, Settings, Status, Stop, ignore
 from pscover.scene import Scene
 from pscover.seen import Seen
 from pscover.solve import solve
+from pscover.widening import DRAWING, grid_of, search, status_of, widen
 
 if TYPE_CHECKING:
+    from pscover.perception.depth import Depth
     from pscover.perception.perceive import Perception
 
 FloatArray = NDArray[np.float64]
 SHORTEST = 1e-3
 """Seconds given to a stage for which none are left, so that it still says what it holds."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Removal:
-    """What a grasp does to one garment.
-
-    Parameters
-    ----------
-    garment
-        Its index in the scene.
-    name
-        What it is called.
-    probability
-        p_ij, that the grasp removes it.
-    """
-
-    garment: int
-    name: str
-    probability: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Grasp:
-    """One grasp of a plan.
-
-    Parameters
-    ----------
-    candidate
-        Its index in the instance.
-    x, y
-        Where, in pixels of the photo, or of the labels where there was no photo.
-    theta
-        Orientation of the jaw's length in radians, from the x axis towards the y axis.
-    distance
-        To the basket, in the same pixels.
-    removes
-        What it will probably remove, the most probable first.
-    """
-
-    candidate: int
-    x: float
-    y: float
-    theta: float
-    distance: float
-    removes: tuple[Removal, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,9 +59,11 @@ class Plan:
     seen
         What the plan clears, and where that was seen.
     instance
-        All candidates that were drawn; their poses are in pixels of the scene.
+        The candidates that the plan was chosen from; their poses are in pixels of the scene.
     sampling
         How they were drawn.
+    scope
+        Over which poses the bound holds.
     axes
         The gripper's footprint: length along theta and width across it, in pixels of the scene.
     result
@@ -115,7 +76,7 @@ class Plan:
     coverage
         The probability that each garment is removed, shape (garments,).
     bound
-        No plan from these candidates that meets every requirement has fewer grasps: infinite if it is proven
+        No plan from the poses of `scope` that meets every requirement has fewer grasps: infinite if it is proven
         that there is none, minus infinity if nothing is.
     seconds
         Where the time went.
@@ -124,6 +85,7 @@ class Plan:
     seen: Seen
     instance: Instance
     sampling: Sampling
+    scope: Scope
     axes: tuple[float, float]
     result: Result
     strict: Result | None
@@ -136,6 +98,11 @@ class Plan:
     def scene(self) -> Scene:
         """One label a pixel; for a photo, on the grid on which it was looked at."""
         return self.seen.scene
+
+    @property
+    def status(self) -> Status:
+        """What is known of the problem over `scope`, every requirement to be met."""
+        return status_of(self.strict or self.result, self.bound, self.scope)
 
     @property
     def expected_removed(self) -> float:
@@ -151,9 +118,11 @@ class Plan:
 def plan(
     scene: Scene | Seen | Perception | str | PathLike[str] | ArrayLike,
     *,
+    depth: Depth | str | PathLike[str] | ArrayLike | None = None,
     segmenter: str | Segmenter = "classical",
     sampling: Sampling | None = None,
     predictor: Predictor | None = None,
+    candidates: Candidates = "sampled",
     conflicts: str | Conflicts | Sequence[str | Conflicts] = "partition",
     required: ArrayLike = 0.7,
     backend: str | Backend = "highs",
@@ -176,12 +145,19 @@ def plan(
         A photo (its path, or 8-bit RGB of shape (H, W, 3)), labels (the path of a PNG, or an array of shape (H, W)), the
         path of annotations, a scene, or what `pscover.perception.perceive.perceive` or `pscover.inputs.Look` made of a
         photo with a region of interest, a background, a scale.
+    depth
+        Of the photo that is given here, pixel by pixel: a path, an array, or a `pscover.perception.depth.Depth` with scale,
+        camera and table. It is shown in pictures and reports; no plan depends on it.
     segmenter
         What finds the garments in a photo that is given here.
     sampling, predictor
         See `pscover.grasping.candidates.candidates`; in pixels of the scene. By default the paper's, at the scene's scale.
+    candidates
+        "sampled": those that are drawn (paper, section 4). "all": every garment pixel at each of the sampling's
+        orientations, so that the bound holds over all of them; the sampling's points do not count then. If weighing all
+        poses takes more than half of the time, candidates are drawn after all, and `Plan.scope` says so.
     conflicts, required
-        See `pscover.grasping.candidates.candidates`.
+        See `pscover.grasping.candidates.candidates`. With all poses the conflicts are those of the partition.
     backend, formulation
         Engine and model, by name or made by hand.
     time
@@ -199,7 +175,8 @@ def plan(
     Raises
     ------
     InvalidImage, InvalidInstance, InvalidSettings, UnknownName, MissingDependency, Refused, EngineFailed
-        As the stages do.
+        As the stages do. All poses are refused with other conflicts, with formulations of other goals, and where they are
+        too many.
 
     Examples
     --------
@@ -211,6 +188,12 @@ def plan(
     >>> [(removed.name, removed.probability > 0.6) for removed in found.grasps[0].removes]
     [('garment 1', True), ('garment 2', True)]
 
+    Over all poses of the grid:
+
+    >>> found = plan(labels, required=0.6, candidates="all")
+    >>> found.scope.poses, found.instance.candidates, str(found.status), found.bound
+    (24000, 1, 'optimal', 1.0)
+
     A photo with a red and a blue garment:
 
     >>> photo = np.full((80, 160, 3), 200, dtype=np.uint8)
@@ -221,42 +204,69 @@ def plan(
     settings = Settings(time=time, gap=gap, threads=threads, seed=seed)
     form = registry.formulation(formulation) if isinstance(formulation, str) else formulation
     begin = clock.monotonic()
-    seen = as_seen(scene, segmenter)
+    seen = as_seen(scene, segmenter, depth)
     own_sampling, own_predictor = paper_gripper(seen.scene.pixels_per_cm)
     sampling, predictor = sampling or own_sampling, predictor or own_predictor
     looked = clock.monotonic()
-    instance = candidates(
-        seen.scene, sampling=sampling, predictor=predictor, conflicts=conflicts, required=required, seed=seed
-    )
+    if candidates not in get_args(Candidates):
+        raise UnknownName.among("kind of candidates", str(candidates), get_args(Candidates))
+
+    def left() -> float:
+        return time - (clock.monotonic() - begin)
+
+    def solved(
+        instance: Instance,
+        start: tuple[int, ...],
+        form: Formulation | str,
+        engine: Backend | str,
+        most: float,
+        watch: Observer,
+    ) -> Result:
+        stage = replace(settings, time=max(SHORTEST, min(most, left())), start=start)
+        return solve(instance, backend=engine, formulation=form, settings=stage, observe=watch)
+
+    def staged(instance: Instance, start: tuple[int, ...] | None, most: float, floor: float) -> Result:
+        watch = observe if math.isinf(floor) else _up_to(floor, observe)
+        return solved(instance, best_effort(instance) if start is None else start, form, backend, most, watch)
+
+    drawing = clock.monotonic() + DRAWING * left()
+    grid = None
+    if candidates == "all":
+        grid = grid_of(
+            *(seen.scene, sampling, predictor, conflicts, required, form), over=lambda: clock.monotonic() > drawing
+        )
+    if grid is None:
+        instance = draw(
+            seen.scene, sampling=sampling, predictor=predictor, conflicts=conflicts, required=required, seed=seed
+        )
     drawn = clock.monotonic()
-
-    start = best_effort(instance)
-
-    def solved(form: Formulation | str, engine: Backend | str, most: float = math.inf) -> Result:
-        left = max(SHORTEST, min(most, time - (clock.monotonic() - begin)))
-        stage = replace(settings, time=left, start=start)
-        return solve(instance, backend=engine, formulation=form, settings=stage, observe=observe)
-
-    result, strict = solved(form, backend), None
+    searched = search(instance, staged, left) if grid is None else widen(grid, staged, left)
+    instance, result, strict = searched.instance, searched.result, None
     if not result.has_plan:
         strict, most = result, SHORTEST if result.stop is Stop.INTERRUPT else math.inf
+        nearest = best_effort(instance)
         try:
-            result = solved("elastic", backend, most)
+            result = solved(instance, nearest, "elastic", backend, most, observe)
         except Refused:
-            result = solved("elastic", "highs", most)
-    bounding = strict or result
+            result = solved(instance, nearest, "elastic", "highs", most, observe)
     return Plan(
         seen=seen,
         instance=instance,
         sampling=sampling,
+        scope=searched.scope,
         axes=predictor.axes,
         result=result,
         strict=strict,
         grasps=ordered(seen, instance, () if result.chosen is None else result.chosen.tolist()),
         coverage=np.zeros(instance.elements) if result.coverage is None else result.coverage,
-        bound=bounding.bound if isinstance(form.goal, Cover) else -math.inf,
+        bound=searched.bound if isinstance(form.goal, Cover) else -math.inf,
         seconds=Stages(candidates=drawn - looked, solve=clock.monotonic() - drawn),
     )
+
+
+def _up_to(floor: float, observe: Observer) -> Observer:
+    """An observer of a search that proves nothing above `floor`."""
+    return lambda progress: observe(replace(progress, bound=min(progress.bound, floor)))
 
 
 def best_effort(instance: Instance) -> tuple[int, ...]:
@@ -305,30 +315,53 @@ def paper_gripper(pixels_per_cm: float, *, points: int = 5, orientations: int = 
 
 
 def as_seen(
-    given: Scene | Seen | Perception | str | PathLike[str] | ArrayLike, segmenter: str | Segmenter = "classical"
+    given: Scene | Seen | Perception | str | PathLike[str] | ArrayLike,
+    segmenter: str | Segmenter = "classical",
+    depth: Depth | str | PathLike[str] | ArrayLike | None = None,
 ) -> Seen:
     """What any input shows: see `plan`.
 
     Raises
     ------
     InvalidImage
-        If there is no scene in it.
+        If there is no scene in it, or the depth does not fit it.
+    InvalidSettings
+        If depth comes with an input that has been looked at already.
     MissingDependency
         If it is a photo and the segmenter's packages are not installed.
     """
     if isinstance(given, Seen):
+        _no_depth(depth)
         return given
     if isinstance(given, Scene):
-        return Seen.whole(given)
+        return _with_depth(Seen.whole(given), depth)
     # Reading photos and annotations takes imports that a plan from labels can do without.
     from pscover.inputs import Look, found
     from pscover.perception.perceive import Perception
 
     if isinstance(given, Perception):
+        _no_depth(depth)
         return found(given, f"segmented by {given.provenance.segmenter}")
     if isinstance(given, str | PathLike):
-        return Look(segmenter=segmenter).read(given)
-    return Look(segmenter=segmenter).photo(given) if _is_colour(given) else Seen.whole(Scene.of(given))
+        return Look(segmenter=segmenter).read(given, depth=depth)
+    if _is_colour(given):
+        return Look(segmenter=segmenter).photo(given, depth=depth)
+    return _with_depth(Seen.whole(Scene.of(given)), depth)
+
+
+def _with_depth(seen: Seen, depth: Depth | str | PathLike[str] | ArrayLike | None) -> Seen:
+    if depth is None:
+        return seen
+    from pscover.perception.depth import Depth
+
+    return replace(seen, heights=Depth.of(depth).heights(seen.grid))
+
+
+def _no_depth(depth: object) -> None:
+    if depth is not None:
+        raise InvalidSettings(
+            "depth: expected none with an input that has been looked at already; give it to `perceive` or `Look.photo`"
+        )
 
 
 def _is_colour(given: ArrayLike) -> bool:
@@ -337,30 +370,3 @@ def _is_colour(given: ArrayLike) -> bool:
     except ValueError:
         # Ragged lists: `Scene.of` says what is wrong with them.
         return False
-
-
-def ordered(seen: Seen, instance: Instance, chosen: Sequence[int]) -> tuple[Grasp, ...]:
-    """The chosen candidates as grasps, by increasing distance to the basket; equally far ones by their index."""
-    grasps = [_grasp(seen.grid, seen.basket, instance, i) for i in sorted(chosen)]
-    return tuple(sorted(grasps, key=lambda grasp: grasp.distance))
-
-
-def _grasp(grid: Grid, basket: tuple[float, float], instance: Instance, candidate: int) -> Grasp:
-    p: Any = instance.probability
-    span = slice(p.indptr[candidate], p.indptr[candidate + 1])
-    removes = [
-        Removal(garment=int(j), name=instance.meta.element(int(j)), probability=float(probability))
-        for j, probability in zip(p.indices[span], p.data[span], strict=True)
-    ]
-    poses = instance.meta.poses
-    assert poses is not None
-    column, row, theta = (float(value) for value in poses[candidate])
-    x, y = grid.to_photo(column, row)
-    return Grasp(
-        candidate=candidate,
-        x=x,
-        y=y,
-        theta=theta,
-        distance=math.hypot(x - basket[0], y - basket[1]),
-        removes=tuple(sorted(removes, key=lambda removal: -removal.probability)),
-    )

@@ -156,8 +156,8 @@ def test_without_matplotlib_the_plan_is_still_made(here: Path, monkeypatch: pyte
     assert shown.exit_code == Exit.MISSING
 
 
-def test_without_opencv_the_pip_line_is_shown(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "cv2", None)
+def test_without_pillow_the_pip_line_is_shown(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "PIL.PngImagePlugin", None)
     shown = run("plan", "table.png", "--no-figure")
     assert shown.exit_code == Exit.MISSING
     assert 'pip install "pscover[perception]"' in shown.stderr

@@ -15,8 +15,9 @@ from pscover import InvalidImage, InvalidInstance, PscoverError, Status, Unknown
 from pscover.generate.garments import garments
 from pscover.grasping.ellipse import Ellipse
 from pscover.grasping.sampling import Sampling
+from pscover.grasps import ordered
 from pscover.plan_document import encode_plan, save_plan
-from pscover.planning import as_seen, best_effort, ordered, plan
+from pscover.planning import as_seen, best_effort, plan
 from pscover.scene import Scene
 from pscover.seen import Seen
 from pscover.verify import verify

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pscover.cli.live import Line
     from pscover.formulation import Formulation
     from pscover.grasping.conflicts import Conflicts
+    from pscover.grasping.pool import Candidates
     from pscover.planning import Plan
     from pscover.seen import Seen
     from pscover.verify import Verification
@@ -38,6 +39,7 @@ class Planner:
     required: float
     points: int
     orientations: int
+    candidates: Candidates
     conflicts: str
 
     def plan(self, seen: Seen, observe: Line) -> Plan:
@@ -50,6 +52,7 @@ class Planner:
             seen,
             sampling=sampling,
             predictor=gripper,
+            candidates=self.candidates,
             conflicts=_rule(self.conflicts, gripper.major),
             required=self.required,
             backend=self.engine,
@@ -125,6 +128,13 @@ class Outputs:
 @click.option("--points", type=int, default=5, show_default=True, help="Candidate points in each part.")
 @click.option("--orientations", type=int, default=6, show_default=True, help="Angles at each point.")
 @click.option(
+    "--candidates",
+    type=click.Choice(("sampled", "all")),
+    default="sampled",
+    show_default=True,
+    help="Plan from points drawn in each part, or from every garment pixel, so that the bound holds over all of them.",
+)
+@click.option(
     "--conflicts",
     type=click.Choice(("partition", "ellipse", "distance")),
     default="partition",
@@ -149,6 +159,7 @@ def command(
     required: float,
     points: int,
     orientations: int,
+    candidates: Candidates,
     conflicts: str,
     output: Path | None,
     figure: Path | None,
@@ -173,6 +184,8 @@ def command(
     Examples:
       pscover plan photo.jpg --html report.html
       pscover plan photo.jpg --roi 40,30 600,30 600,450 40,450 --px-per-cm 6.1
+      pscover plan photo.jpg --depth depth.png --depth-scale 0.001
+      pscover plan photo.jpg --candidates all --orientations 12 --backend auto
       pscover plan sam_records.json --photo photo.jpg -o plan.json
       pscover plan photos/ -o plans/
     """
@@ -191,6 +204,7 @@ def command(
         required=required,
         points=points,
         orientations=orientations,
+        candidates=candidates,
         conflicts=conflicts,
     )
     if no_figure and figure is not None:
@@ -205,7 +219,7 @@ def command(
         return plan_folder(scene, output, eyes, planner, drawn=drawn, as_json=as_json, quiet=quiet)
     picture = _picture(scene, figure, no_figure=no_figure, quiet=quiet)
     outputs = Outputs(plan=output, picture=picture, instance=instance_file, page=page)
-    outputs.check([path for path in (scene, eyes.photo_of(scene, kind)) if path is not None])
+    outputs.check(eyes.inputs(scene))
     # The engine's process starts while the image is looked at.
     isolate.warm_up(planner.engine)
     with watching(f"looking at {scene.name}", quiet=quiet) as line:

@@ -9,7 +9,8 @@ from rich.table import Table
 from rich.text import Text
 
 from pscover import registry
-from pscover.cli.tables import facts, grid, verified
+from pscover.cli.depth_files import HEIGHTS
+from pscover.cli.tables import bounds, facts, grid, verified
 from pscover.cli.words import NOTHING, count, listed, number, spread
 from pscover.goal import Cover
 from pscover.planning import Plan
@@ -33,22 +34,24 @@ def plan_headline(plan: Plan) -> Text:
 
 
 def _proof(plan: Plan) -> str:
-    status = (plan.strict or plan.result).status
-    drawn = count(plan.instance.candidates, "candidate")
+    status = plan.status
+    sampled = plan.scope.candidates == "sampled"
+    scope = f"these {count(plan.instance.candidates, 'candidate')}" if sampled else str(plan.scope)
     aim = registry.formulation((plan.strict or plan.result).formulation).goal
     if not isinstance(aim, Cover):
         return f"{status} for the goal of formulation {plan.result.formulation}"
     if status is Status.OPTIMAL:
-        return f"proven optimal: no plan from these {drawn} needs fewer"
+        return f"proven optimal: no plan from {scope} needs fewer"
     if status is Status.INFEASIBLE:
-        return f"proven: no plan from these {drawn} meets every requirement; this one comes closest"
+        closest = "this one comes closest" if sampled else "this one comes as close as was found"
+        return f"proven: no plan from {scope} meets every requirement; {closest}"
     why = {Stop.TIME: "time limit", Stop.INTERRUPT: "interrupted"}.get(plan.result.stop, "")
     ended = f" ({why})" if why else ""
     if status is Status.UNKNOWN:
         return f"a plan that meets every requirement was neither found nor ruled out{ended}"
     if not math.isfinite(plan.bound):
         return f"not proven optimal{ended}"
-    return f"not proven optimal{ended}: at least {number(plan.bound)} are needed"
+    return f"not proven optimal{ended}: at least {number(plan.bound)} are needed" + ("" if sampled else f" from {scope}")
 
 
 def grasp_table(plan: Plan) -> Table:
@@ -63,8 +66,15 @@ def grasp_table(plan: Plan) -> Table:
 
 
 def garment_table(plan: Plan) -> Table:
-    """How surely each garment is removed, and by which grasps."""
-    table = grid(("garment", "fill"), ("required", "right"), ("removed", "right"), ("by grasps", "fill"))
+    """How surely each garment is removed, and by which grasps; with depth, how high it lies."""
+    heights = plan.seen.garment_heights
+    table = grid(
+        ("garment", "fill"),
+        ("required", "right"),
+        ("removed", "right"),
+        *(HEIGHTS if heights else ()),
+        ("by grasps", "fill"),
+    )
     by: dict[int, list[str]] = {}
     for k, grasp in enumerate(plan.grasps, start=1):
         for removal in grasp.removes:
@@ -73,7 +83,9 @@ def garment_table(plan: Plan) -> Table:
     for j, name in enumerate(plan.scene.names):
         removed = Text(f"{plan.coverage[j]:.3f}", style="bold yellow" if j in unmet else "")
         grasps = listed(by[j], 12) if j in by else NOTHING
-        table.add_row(name, number(float(plan.instance.required[j])), removed, grasps + (" (short)" if j in unmet else ""))
+        high = [f"{100 * value:.1f}" for value in (heights[j].top, heights[j].mean)] if heights else []
+        required = number(float(plan.instance.required[j]))
+        table.add_row(name, required, removed, *high, grasps + (" (short)" if j in unmet else ""))
     return table
 
 
@@ -83,7 +95,9 @@ def plan_facts(
     """What was looked at, expectation, times, the check, and where the pictures went."""
     rows: list[tuple[str, str | Text]] = [
         ("input", plan.seen.origin),
+        *([("depth", plan.seen.depth_origin)] if plan.seen.heights is not None else []),
         ("expected", f"{plan.expected_removed:.1f} of {count(plan.scene.garments, 'garment')} removed"),
+        *_scope(plan, verification),
         ("time", stage_times(plan, drawing)),
         *verified(plan.result, verification),
     ]
@@ -92,6 +106,16 @@ def plan_facts(
     if page is not None:
         rows.append(("report", str(page)))
     return facts(rows)
+
+
+def _scope(plan: Plan, verification: Verification) -> list[tuple[str, str | Text]]:
+    """The bound, and over which poses it holds."""
+    if plan.scope.candidates == "sampled":
+        return [("bound", bounds(plan.result, verification))] if math.isfinite(plan.result.bound) else []
+    searched = f"{count(plan.instance.candidates, 'pose')} of {plan.scope.poses:,} searched"
+    if not math.isfinite(plan.bound):
+        return [("candidates", f"all poses of the grid: {searched}")]
+    return [("bound", f"{number(plan.bound)}, over {plan.scope}; {searched}, the others ruled out below it")]
 
 
 def stage_times(plan: Plan, drawing: float = 0.0) -> str:
