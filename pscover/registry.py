@@ -9,10 +9,10 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import pkgutil
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib.metadata import entry_points
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 
@@ -20,10 +20,14 @@ from pscover.backend import Backend
 from pscover.errors import InvalidSettings, MissingDependency, PscoverError, UnknownName
 from pscover.formulation import Formulation
 
+if TYPE_CHECKING:
+    from pscover.policy import Policy
+
 PACKAGES = {
     "formulation": "pscover.formulations",
     "backend": "pscover.backends",
     "segmenter": "pscover.perception.segmenters",
+    "policy": "pscover.policies",
 }
 
 
@@ -57,7 +61,7 @@ def _module_name(name: str) -> str:
 
 
 def names(kind: str) -> tuple[str, ...]:
-    """The names registered for a kind ("formulation", "backend" or "segmenter"), sorted.
+    """The names registered for a kind ("formulation", "backend", "segmenter" or "policy"), sorted.
 
     Examples
     --------
@@ -126,6 +130,51 @@ def formulation(name: str, options: dict[str, Any] | None = None) -> Formulation
     3.0
     """
     return cast(Formulation, make("formulation", name, options))
+
+
+def policy(name: str, options: dict[str, Any] | None = None) -> Policy:
+    """The policy of that name, with settings; those of its parts go by their own names.
+
+    Examples
+    --------
+    >>> found = policy("hybrid-height", {"pile_metres": "0.05", "points": "7"})
+    >>> found.pile_metres, found.cycle.points
+    (0.05, 7)
+    """
+    found = lookup("policy", name)
+    parts = _parts(found)
+    own: dict[str, Any] = {}
+    inner: dict[str, dict[str, Any]] = {}
+    for option, value in (options or {}).items():
+        if option not in policy_settings(name):
+            raise UnknownName.among(f"setting of policy {found.name!r}", option, policy_settings(name))
+        part = next((part for part, default in parts.items() if option in [f.name for f in fields(default)]), None)
+        if part is None or option in parts:
+            own[option] = value
+        else:
+            inner.setdefault(part, {})[option] = _parsed(value)
+    # A part that is given in part keeps the policy's own defaults for the rest.
+    made = {part: {f.name: getattr(parts[part], f.name) for f in fields(parts[part])} | inner[part] for part in inner}
+    return cast("Policy", make("policy", name, {**own, **made}))
+
+
+def policy_settings(name: str) -> tuple[str, ...]:
+    """The names of a policy's settings and of those of its parts.
+
+    Examples
+    --------
+    >>> policy_settings("height")
+    ('radius_cm',)
+    """
+    found = lookup("policy", name)
+    parts = _parts(found)
+    own = [f.name for f in fields(found) if f.name not in parts]
+    return (*own, *(f.name for part in parts.values() for f in fields(part)))
+
+
+def _parts(found: Any) -> dict[str, Any]:
+    """The settings of a policy that have settings of their own, with their defaults."""
+    return {f.name: f.default for f in fields(found) if is_dataclass(f.default)}
 
 
 def missing(backend_class: Any) -> tuple[str, ...]:

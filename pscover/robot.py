@@ -112,3 +112,12 @@ class Robot(Protocol):
     def weight(self) -> float | None:
         """Kilograms that are held now, or None if the arm cannot tell."""
         ...
+
+
+@runtime_checkable
+class Sorter(Robot, Protocol):
+    """An arm with several baskets."""
+
+    def transport_to(self, basket: str) -> None:
+        """Take what is held to the basket of that name and let go."""
+        ...

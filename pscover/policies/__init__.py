@@ -1,1 +1,1 @@
-"""How to clear the table: one policy a file, chosen by name."""
+"""Policies: one a file, registered by lying here; files that begin with _ are what several of them share."""

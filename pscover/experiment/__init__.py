@@ -1,0 +1,1 @@
+"""Experiments: the same scenes for every policy, counted by what is true rather than by what is seen."""
