@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pscover.certificate import Certificate
 from pscover.errors import InvalidSettings
 from pscover.infeasibility import Diagnosis
 
@@ -163,6 +164,8 @@ class Answer:
         Why the engine ended.
     message
         The engine's own words, if any.
+    certificate
+        What proves a bound, if anything; its elements are the model's covering rows in their order.
     """
 
     status: Status
@@ -170,6 +173,7 @@ class Answer:
     bound: float
     stop: Stop = Stop.FINISHED
     message: str = ""
+    certificate: Certificate | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,6 +225,9 @@ class Result:
         Words of the engine, if any.
     diagnosis
         For an infeasible instance, why; else None.
+    certificate
+        Of a lower bound, not necessarily as high as `bound`; `pscover.certificate.certified_bound` tells how high. None
+        without one.
     """
 
     status: Status
@@ -240,6 +247,7 @@ class Result:
     trace: tuple[Progress, ...]
     message: str = ""
     diagnosis: Diagnosis | None = None
+    certificate: Certificate | None = None
 
     @property
     def has_plan(self) -> bool:

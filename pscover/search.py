@@ -171,7 +171,8 @@ class Search:
                 answer = engine.solve(priced, settings, heard)
             except KeyboardInterrupt:
                 answer = Answer(status=Status.UNKNOWN, chosen=None, bound=-math.inf, stop=Stop.INTERRUPT)
-        answer = replace(answer, bound=answer.bound / unit)
+        proof = None if answer.certificate is None else answer.certificate.times(unit)
+        answer = replace(answer, bound=answer.bound / unit, certificate=proof)
         seen(Progress(seconds=0.0, objective=math.inf, bound=answer.bound, chosen=answer.chosen))
         return answer
 

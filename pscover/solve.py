@@ -13,6 +13,7 @@ import numpy as np
 
 from pscover import isolate, registry
 from pscover.backend import Backend
+from pscover.certificate import Certificate
 from pscover.clock import Clock
 from pscover.errors import InvalidInstance, InvalidSettings, UnknownName
 from pscover.formulation import Formulation
@@ -113,6 +114,7 @@ def solve(
         trace=tuple(search.trace),
         message=answer.message,
         diagnosis=diagnosis,
+        certificate=_certificate(answer, form, search),
     )
 
 
@@ -154,6 +156,12 @@ def _settings(settings: Settings, overrides: dict[str, Any]) -> Settings:
         if name not in known:
             raise UnknownName.among("setting", name, known)
     return replace(settings, **overrides)
+
+
+def _certificate(answer: Answer, formulation: Formulation, search: Search) -> Certificate | None:
+    if answer.certificate is None or not search.proves or not isinstance(formulation.goal, Cover):
+        return None
+    return answer.certificate.over(search.instance)
 
 
 def _bound(answer: Answer, model: Model, search: Search) -> float:

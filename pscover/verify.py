@@ -1,8 +1,9 @@
 """Check a result against its instance in exact rational arithmetic, without any solver.
 
 Every stored double is a rational number; products of them are compared as fractions, never as logarithms. What can be
-recomputed is: the plan's indices and conflicts, the coverage of every element, the requirements, the objective. An
-optimality bound is the engine's word; an infeasibility is re-proven where a single element is out of reach.
+recomputed is: the plan's indices and conflicts, the coverage of every element, the requirements, the objective. A bound is
+proven as far as the result's certificate goes, the rest is the engine's word; an infeasibility is re-proven where a single
+element is out of reach.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from fractions import Fraction
 import numpy as np
 
 from pscover import registry
+from pscover.certificate import certified_bound
 from pscover.errors import InvalidResult, PscoverError, UnknownName
 from pscover.formulation import Formulation, Relation
 from pscover.goal import Cover, Evidence, failures
@@ -46,9 +48,19 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """All checks of one result."""
+    """All checks of one result.
+
+    Parameters
+    ----------
+    checks
+        In order.
+    certified
+        The lower bound that the result's certificate proves, exact; plus infinity where it proves that there is no plan,
+        None without a certificate that holds.
+    """
 
     checks: tuple[Check, ...]
+    certified: Fraction | float | None = None
 
     @property
     def passed(self) -> bool:
@@ -84,12 +96,13 @@ def verify(instance: Instance, result: Result) -> Verification:
     checks = [_same_instance(instance, result)]
     if checks[0].verdict is Verdict.FAILED:
         return Verification(tuple(checks))
+    certified, bounds = _bound(instance, result)
     if result.chosen is None:
-        return Verification((*checks, _without_plan(instance, result)))
+        return Verification((*checks, *bounds, _without_plan(instance, result, certified)), certified)
     indices = _indices(instance, result)
     checks.append(indices)
     if indices.verdict is Verdict.FAILED:
-        return Verification(tuple(checks))
+        return Verification((*checks, *bounds), certified)
     chosen = [int(i) for i in result.chosen]
     broken = instance.conflicts.broken_by(chosen)
     detail = f"cliques {broken.tolist()[:10]} hold more than one chosen candidate" if len(broken) else "none broken"
@@ -100,14 +113,15 @@ def verify(instance: Instance, result: Result) -> Verification:
         evidence = formulation.goal.evaluate(instance, chosen, Fraction)
     except (InvalidResult, UnknownName) as error:
         checks.append(Check("requirements", Verdict.FAILED, str(error)))
-        return Verification(tuple(checks))
+        return Verification((*checks, *bounds), certified)
     except PscoverError as error:
         checks.append(Check("requirements", Verdict.UNCHECKED, f"the formulation cannot be rebuilt: {error}"))
-        return Verification(tuple(checks))
+        return Verification((*checks, *bounds), certified)
     checks.append(_requirements(evidence, result))
     checks.append(_objective(evidence, result))
-    checks.append(_status(evidence, formulation, result))
-    return Verification(tuple(checks))
+    checks += bounds
+    checks.append(_status(evidence, formulation, result, certified))
+    return Verification(tuple(checks), certified)
 
 
 def _verdict(good: bool) -> Verdict:
@@ -185,13 +199,39 @@ def _objective(evidence: Evidence, result: Result) -> Check:
     return Check("objective", Verdict.FAILED, f"{reported} is reported, exact is {exact}")
 
 
-def _status(evidence: Evidence, formulation: Formulation, result: Result) -> Check:
+def _bound(instance: Instance, result: Result) -> tuple[Fraction | float | None, list[Check]]:
+    """What the certificate proves, and the check that says so; nothing without a certificate."""
+    if result.certificate is None:
+        return None, []
+    try:
+        if not isinstance(_formulation(result).goal, Cover):
+            raise InvalidResult(f"certificate: expected none with formulation {result.formulation}, whose goal is another")
+        certified = certified_bound(instance, result.certificate)
+    except PscoverError as error:
+        return None, [Check("bound", Verdict.FAILED, str(error))]
+    if certified == math.inf:
+        return certified, [Check("bound", Verdict.PASSED, "certified: no plan meets every requirement (exact)")]
+    return certified, [
+        Check("bound", Verdict.PASSED, f"certified lower bound: {float(certified):.10g} (exact){_claim(result, certified)}")
+    ]
+
+
+def _claim(result: Result, certified: Fraction | float) -> str:
+    """What the engine says beyond the certificate."""
+    if math.isfinite(result.bound) and result.bound > certified + VALUE_TOLERANCE * max(1.0, abs(result.bound)):
+        return f"; the engine claims {result.bound:.10g}"
+    return ""
+
+
+def _status(evidence: Evidence, formulation: Formulation, result: Result, certified: Fraction | float | None) -> Check:
     claim = str(result.status.value)
     if result.status is Status.INFEASIBLE:
         verdict = _verdict(not evidence.is_feasible)
         return Check("status", verdict, "the plan is feasible" if evidence.is_feasible else claim)
     if result.has_plan and not evidence.is_feasible:
         return Check("status", Verdict.FAILED, f"{claim} is reported, but the plan misses a requirement")
+    if certified is not None and result.has_plan and certified >= evidence.value[0]:
+        return Check("status", Verdict.PASSED, f"{claim}; proven optimal: the certified bound is the plan's objective")
     if result.status is not Status.OPTIMAL:
         return Check("status", Verdict.PASSED, claim)
     if formulation.relation is Relation.RESTRICTION:
@@ -201,13 +241,15 @@ def _status(evidence: Evidence, formulation: Formulation, result: Result) -> Che
     if result.bound > objective + slack:
         return Check("status", Verdict.FAILED, f"the bound {result.bound:.10g} is above the plan's {objective:.10g}")
     if objective - result.bound <= result.settings.gap * abs(objective) + formulation.tolerance + slack:
-        return Check(
-            "status", Verdict.UNCHECKED, f"optimal by the engine's bound {result.bound:.10g}, which has no certificate"
-        )
+        return Check("status", Verdict.UNCHECKED, f"optimal by the engine's bound {result.bound:.10g}, {_lack(certified)}")
     return Check("status", Verdict.FAILED, f"optimal is reported with a bound of {result.bound:.10g}")
 
 
-def _without_plan(instance: Instance, result: Result) -> Check:
+def _lack(certified: Fraction | float | None) -> str:
+    return "which has no certificate" if certified is None else f"of which {float(certified):.10g} is certified"
+
+
+def _without_plan(instance: Instance, result: Result, certified: Fraction | float | None) -> Check:
     if result.has_plan:
         return Check("status", Verdict.FAILED, f"{result.status.value} is reported without a plan")
     if result.status is not Status.INFEASIBLE:
@@ -218,6 +260,8 @@ def _without_plan(instance: Instance, result: Result) -> Check:
             return Check("status", Verdict.FAILED, "infeasible is reported, but the empty plan meets every requirement")
     except PscoverError as error:
         return Check("status", Verdict.UNCHECKED, f"infeasible by the engine's word; no formulation to check: {error}")
+    if certified == math.inf:
+        return Check("status", Verdict.PASSED, "infeasible: the certificate proves it")
     # Other goals do not ask for the coverage of single elements.
     found = _out_of_reach(instance) if isinstance(goal, Cover) else None
     if found is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -13,7 +13,7 @@ from pscover.model import CoverForm, Model, as_cover
 from pscover.result import Answer, Observer, Settings, Status
 
 from ._cover import dual_bound, hopeless_rows, refusal
-from ._kernels import await_kernels, feasible_start, least_step, plain_plan
+from ._kernels import await_kernels, certifying, feasible_start, least_step, plain_plan
 from ._session import Session
 
 if TYPE_CHECKING:
@@ -70,12 +70,18 @@ class Lagrangian:
         if start is not None:
             session.plan(start, float(form.c[start].sum()) + model.offset)
         is_ready = several(form) is None and not session.is_proven() and await_kernels(session)
-        if is_ready and self._improve(form, session, start):
+        block = self._improve(form, session, start) if is_ready else None
+        if block is not None and block.is_infeasible:
             return session.answer(Status.INFEASIBLE)
-        return session.answer(Status.OPTIMAL if session.is_proven() else Status.UNKNOWN)
+        answer = session.answer(Status.OPTIMAL if session.is_proven() else Status.UNKNOWN)
+        if block is None:
+            return answer
+        from pscover.engine.certify import of_blocks, unreduced
 
-    def _improve(self, form: CoverForm, session: Session, start: NDArray[np.int32] | None) -> bool:
-        """Whether the bound has proven that there is no plan."""
+        return replace(answer, certificate=of_blocks(form, unreduced(form), [block], certifying(session)))
+
+    def _improve(self, form: CoverForm, session: Session, start: NDArray[np.int32] | None) -> Block:
+        """Bounds and plans of the form as one block."""
         from pscover.engine.block import Block
 
         block = Block(form, np.arange(len(form.c), dtype=np.int32), session.settings.seed, least_step(form.c))
@@ -92,7 +98,7 @@ class Lagrangian:
             self._greedy(block, session)
             if block.is_settled or rounds == self.rounds:
                 break
-        return block.is_infeasible
+        return block
 
     def _greedy(self, block: Block, session: Session) -> None:
         """A plan made of what the multipliers favour."""

@@ -22,7 +22,8 @@ def result_document(result: Result) -> dict[str, Any]:
 def verification_document(verification: Verification) -> dict[str, Any]:
     """All checks, and whether none failed."""
     checks = [{"what": c.what, "verdict": c.verdict, "detail": c.detail} for c in verification.checks]
-    return {"passed": verification.passed, "checks": checks}
+    certified = None if verification.certified is None else float(verification.certified)
+    return {"passed": verification.passed, "checks": checks, "certified": certified}
 
 
 def instance_document(instance: Instance) -> dict[str, Any]:

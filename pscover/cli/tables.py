@@ -64,18 +64,24 @@ def outcome(instance: Instance, result: Result, verification: Verification) -> T
     rows: list[tuple[str, str | Text]] = [("status", status_line(result))]
     if result.chosen is not None:
         rows.append(("objective", ", ".join(number(value) for value in result.value)))
-        rows.append(("bound", f"{number(result.bound)}, gap {percent(result.gap)}"))
+        rows.append(("bound", f"{bounds(result, verification)}, gap {percent(result.gap)}"))
         names = [instance.meta.candidate(int(i)) for i in result.chosen]
         rows.append(("plan", f"{len(names)} of {count(instance.candidates, 'candidate')}: {listed(names, MOST_CANDIDATES)}"))
         rows.append(("coverage", tightest(instance, result)))
     elif np.isfinite(result.bound):
-        rows.append(("bound", number(result.bound)))
+        rows.append(("bound", bounds(result, verification)))
     timing = result.timing
     parts = f"build {timing.build:.2f}, engine {timing.engine:.2f}, check {timing.check:.2f}"
     rows.append(("time", f"{seconds(timing.total)} ({parts})"))
     if result.message:
         rows.append(("engine", f"{result.backend}: {result.message}"))
     return facts([*rows, *verified(result, verification)])
+
+
+def bounds(result: Result, verification: Verification) -> str:
+    """The engine's bound, and how much of it the certificate proves."""
+    certified = verification.certified
+    return number(result.bound) + ("" if certified is None else f", certified {number(float(certified))}")
 
 
 def status_line(result: Result) -> Text:

@@ -18,7 +18,7 @@ def command(instance: Path, result: Path, as_json: bool) -> Exit:
     """Recompute what RESULT says of INSTANCE, in exact rational arithmetic and without a solver.
 
     Checked are the plan's indices and conflicts, every element's coverage, the requirements, the objective and the
-    status. An engine's bound has no certificate; it is reported as unchecked.
+    status. A bound is checked as far as the result holds a certificate of it; beyond that it is reported as unchecked.
 
     Exit code 0 if no check failed, 1 if one did.
 

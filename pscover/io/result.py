@@ -17,6 +17,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from pscover.certificate import HUGE, MOST_COUNT, MOST_DEPTH, MOST_SCALE, MOST_UNITS, Certificate, Prices, Split
 from pscover.errors import InvalidResult, InvalidSettings
 from pscover.files import TEXT_LIMIT, read_bytes, write_bytes
 from pscover.infeasibility import Diagnosis, Unmet, Unreachable
@@ -28,6 +29,7 @@ Index = Annotated[int, msgspec.Meta(ge=0, le=INDEX_LIMIT)]
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 Amount = Annotated[float, msgspec.Meta(ge=0)]
 Bound = float | Literal["inf"] | None
+Whole = Annotated[int, msgspec.Meta(ge=-HUGE, le=HUGE)]
 Sorted = Annotated[list[Index], msgspec.Meta(description="strictly increasing")]
 
 
@@ -86,6 +88,30 @@ class DiagnosisV1(Struct, forbid_unknown_fields=True):
     unmet: list[UnmetV1]
 
 
+class PricesV1(Struct, tag="prices", forbid_unknown_fields=True):
+    """What elements pay for each stored probability, candidate after candidate, and for a unit of demand."""
+
+    entry: list[Whole]
+    unit: list[Whole]
+
+
+class SplitV1(Struct, tag="split", forbid_unknown_fields=True):
+    """Plans with at most `count` candidates of an element, and plans with more."""
+
+    element: Index
+    count: Annotated[int, msgspec.Meta(ge=0, le=MOST_COUNT)]
+    few: PricesV1 | SplitV1
+    many: PricesV1 | SplitV1
+
+
+class CertificateV1(Struct, forbid_unknown_fields=True):
+    """What proves a lower bound; see `pscover.certificate`."""
+
+    units: Annotated[int, msgspec.Meta(ge=1, le=MOST_UNITS)]
+    scale: Annotated[int, msgspec.Meta(ge=1, le=MOST_SCALE)]
+    proof: PricesV1 | SplitV1
+
+
 class ResultV1(Struct, tag_field="schema", tag="pscover.result/1", forbid_unknown_fields=True):
     """What was found, and how good it is; see `pscover.result.Result`."""
 
@@ -106,6 +132,7 @@ class ResultV1(Struct, tag_field="schema", tag="pscover.result/1", forbid_unknow
     message: str = ""
     diagnosis: DiagnosisV1 | None = None
     trace: list[ProgressV1] = []
+    certificate: CertificateV1 | None = None
 
 
 RESULT_VERSIONS = Versions(newest=ResultV1, old=(), error=InvalidResult)
@@ -174,6 +201,7 @@ def decode(content: bytes, source: str | Path = "JSON") -> Result:
         trace=tuple(_progress(step) for step in document.trace),
         message=document.message,
         diagnosis=None if document.diagnosis is None else _diagnosis(document.diagnosis),
+        certificate=None if document.certificate is None else _certificate(document.certificate, source),
     )
 
 
@@ -201,6 +229,7 @@ def encode(result: Result) -> bytes:
         "message": result.message,
         "diagnosis": diagnosis,
         "trace": [_step(k, step) for k, step in enumerate(result.trace)],
+        "certificate": None if result.certificate is None else _certified(result.certificate),
     }
     try:
         text = msgspec.json.encode(content)
@@ -263,6 +292,31 @@ def _diagnosis(given: DiagnosisV1) -> Diagnosis:
         ),
         unmet=tuple(Unmet(**{**msgspec.structs.asdict(u), "cliques": tuple(u.cliques)}) for u in given.unmet),
     )
+
+
+def _certificate(given: CertificateV1, source: str | Path) -> Certificate:
+    return Certificate(units=given.units, scale=given.scale, proof=_proof(given.proof, source, 0))
+
+
+def _proof(given: PricesV1 | SplitV1, source: str | Path, depth: int) -> Prices | Split:
+    if isinstance(given, PricesV1):
+        entry, unit = (np.array(values, dtype=np.int64) for values in (given.entry, given.unit))
+        return Prices(entry=_frozen(entry), unit=_frozen(unit))
+    if depth >= MOST_DEPTH:
+        raise InvalidResult(f"{source}: $.certificate: expected at most {MOST_DEPTH} splits within each other, got more")
+    few, many = (_proof(part, source, depth + 1) for part in (given.few, given.many))
+    return Split(element=given.element, count=given.count, few=few, many=many)
+
+
+def _certified(certificate: Certificate) -> dict[str, Any]:
+    return {"units": certificate.units, "scale": certificate.scale, "proof": _proven(certificate.proof)}
+
+
+def _proven(proof: Prices | Split) -> dict[str, Any]:
+    if isinstance(proof, Prices):
+        return {"type": "prices", "entry": proof.entry.tolist(), "unit": proof.unit.tolist()}
+    parts = {"few": _proven(proof.few), "many": _proven(proof.many)}
+    return {"type": "split", "element": proof.element, "count": proof.count, **parts}
 
 
 def _step(k: int, step: Progress) -> dict[str, Any]:
