@@ -3,8 +3,9 @@
     pytest bench/bench_table2.py
 
 Scenes are painted (`pscover.generate.paint`) and segmented for real by `classical`. Three ways to the same plan are timed
-side by side on the same instance, in wall seconds of one thread on a quiet machine, engines warmed up by a first solve: `scipy` on `pairwise` (the paper's set-up), `highs` on
-`clique`, and `auto`. The paper's own numbers stand beside them as data; they were measured on another machine.
+side by side on the same instance, in wall seconds of one thread on a quiet machine, with engines warmed up: `scipy` on
+`pairwise` (the paper's set-up), `highs` on `clique`, and `auto`. The paper's own numbers stand beside them as data; they
+were measured on another machine.
 """
 
 from __future__ import annotations

@@ -13,9 +13,10 @@ from typing import Any
 
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
 SHARED = Path(__file__).parents[2] / "shared"
 # Programs of their own, not benchmark cases.
-collect_ignore_glob = ["fuzz_*.py", "perception_table.py", "peers/*"]
+collect_ignore_glob = ["fuzz_*.py", "*_table.py", "compare.py", "peers/*"]
 
 _tables: dict[str, list[dict[str, Any]]] = {}
 Row = Callable[..., None]
