@@ -12,23 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pscover
-from pscover.certificate import (
-    HUGE,
-    MOST_DEPTH,
-    SLACK,
-    Certificate,
-    Prices,
-    Split,
-    certified_bound,
-    common_step,
-    groups,
-    sizes,
-)
+from pscover.certificate import MOST_DEPTH, Certificate, Prices, Split, certified_bound, common_step
 from pscover.enumeration import enumerate_best
 from pscover.errors import InvalidResult
 from pscover.goal import Cover, total_cost
 from pscover.instance import Instance
 from pscover.io.result import decode, encode
+from pscover.relaxation import HUGE, SLACK, groups, sizes
 from pscover.testing import random_instance
 from pscover.verify import Verdict, verify
 

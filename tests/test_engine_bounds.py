@@ -11,7 +11,7 @@ pytest.importorskip("numba")
 
 from pscover import registry
 from pscover.engine.block import Block
-from pscover.engine.branch import branch
+from pscover.engine.branch import Branching, without_replaced
 from pscover.engine.problem import Problem, problem_of
 from pscover.engine.rowwise import improve, shares
 from pscover.engine.subgradient import ascend, multipliers
@@ -86,16 +86,24 @@ def _discounted(cost: np.ndarray, i: int) -> np.ndarray:
     return changed
 
 
+def finish(problem: Problem, upper: float = np.inf, step: float = 0.0) -> np.ndarray | None:
+    """The best plan below `upper`, None if there is none; in short turns, so that it is resumed often."""
+    search = Branching(problem, upper, step)
+    while not search.is_finished:
+        assert search.work < 10_000_000
+        search.turn(500)
+    return search.plan if search.tree.counts[5] else None
+
+
 def test_branching_is_exact() -> None:
     for _, problem, _, best in cases(80):
-        finished, plan = branch(problem)
-        assert finished
+        plan = finish(problem)
         if best is None:
             assert plan is None
         else:
             assert plan is not None
             assert problem.cost[plan].sum() == pytest.approx(best, abs=1e-9)
-            assert branch(problem, upper=best) == (True, None)
+            assert finish(problem, upper=best) is None
 
 
 def test_branching_is_exact_in_whole_steps() -> None:
@@ -104,15 +112,49 @@ def test_branching_is_exact_in_whole_steps() -> None:
         instance = random_psc(4, 14, covers=2, clique_size=2, required=0.9, cheapest=2, dearest=2, seed=seed)
         best, _ = enumerate_best(instance, Cover())
         problem, _ = problem_of(as_cover(registry.formulation("clique").build(instance)))
-        finished, plan = branch(problem, step=2.0)
-        assert finished
+        plan = finish(problem, step=2.0)
         assert (None if plan is None else (float(problem.cost[plan].sum()),)) == best
 
 
-def test_branching_gives_up() -> None:
+@pytest.mark.parametrize("clique_size", [None, 4])
+def test_branching_agrees_with_highs(clique_size: int | None) -> None:
+    import pscover
+
+    for seed in range(4):
+        instance = random_psc(12, 60, covers=3, clique_size=clique_size, cheapest=1, dearest=3, low=0.3, seed=seed)
+        exact = pscover.solve(instance, backend="highs")
+        problem, columns = problem_of(as_cover(registry.formulation("clique").build(instance)))
+        plan = finish(problem, step=1.0)
+        if exact.chosen is None:
+            assert plan is None
+        else:
+            assert plan is not None
+            assert problem.cost[plan].sum() == exact.objective
+            assert (instance.coverage(columns[plan]) >= instance.required - 1e-9).all()
+
+
+def test_branching_depends_on_work_only_and_its_bound_holds() -> None:
     problem, _ = problem_of(as_cover(registry.formulation("clique").build(random_psc(20, 60, covers=3, seed=1))))
-    finished, _ = branch(problem, nodes=10)
-    assert not finished
+    once, often = Branching(problem, step=1.0), Branching(problem, step=1.0)
+    while not once.is_finished:
+        once.turn(10_000_000)
+    best = problem.cost[once.plan].sum()
+    while not often.is_finished:
+        often.turn(2_000)
+        assert often.lower <= best + 1e-6
+    assert once.plan.tolist() == often.plan.tolist()
+    assert once.nodes == often.nodes
+
+
+def test_what_another_of_the_clique_replaces_is_the_same_as_in_presolve() -> None:
+    from pscover.presolve import presolve
+
+    for seed in range(6):
+        instance = random_psc(8, 60, covers=3, clique_size=6, low=0.2, high=0.9, seed=seed)
+        form = as_cover(registry.formulation("clique").build(instance))
+        problem, columns = problem_of(form)
+        once = presolve(form, steps=("clique-dominance",)).columns
+        assert columns[without_replaced(problem)].tolist() == once.tolist()
 
 
 @pytest.mark.parametrize("clique_size", [None, 4])

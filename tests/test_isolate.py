@@ -91,13 +91,13 @@ def test_a_slow_observer_holds_nothing_up_after_the_deadline() -> None:
     def slow(progress: pscover.Progress) -> bool:
         nonlocal heard
         heard += 1
-        time.sleep(0.6)
+        time.sleep(1.5)
         return False
 
     many = Instance.of([[0.9] * 30])
     engine = Misbehaving(plans=tuple(tuple(range(k)) for k in range(30, 0, -1)), then="sleep")
     isolate.warm_up(engine)
-    result = pscover.solve(many, backend=engine, time=1.0, observe=slow)
+    result = pscover.solve(many, backend=engine, time=2.5, observe=slow)
     assert (result.stop, result.objective) == (Stop.TIME, 1.0)
     assert heard <= 4
 

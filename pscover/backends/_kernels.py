@@ -15,6 +15,8 @@ from ._session import Session
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
+LONGEST, SHORTEST = 0.5, 0.05
+"""Seconds for a certificate, at most and where the proof took none."""
 PAUSE = 2e-3
 """Seconds between two looks at whether the kernels are ready."""
 MOVES = 2000
@@ -52,6 +54,26 @@ def plain_plan(form: CoverForm, session: Session) -> IntArray | None:
         search.reverse_delete()
         return search.chosen
     return None
+
+
+def compiled_plan(form: CoverForm, session: Session) -> IntArray | None:
+    """A plan by the compiled greedy choice and a short search, for packing rows that are cliques."""
+    from pscover.engine.hunt import Hunt
+    from pscover.engine.problem import problem_of
+
+    if not await_kernels(session):
+        return None
+    problem, columns = problem_of(form)
+    hunt = Hunt(problem, session.settings.seed, least_step(problem.cost))
+    hunt.begin()
+    while not session.over() and not math.isfinite(hunt.cost) and hunt.moves < MOVES * 50:
+        hunt.turn()
+    return columns[hunt.plan] if math.isfinite(hunt.cost) else None
+
+
+def certifying(session: Session) -> float:
+    """Seconds to look for what certifies a proven plan: about what the proof took, and at most half of what is left."""
+    return min(LONGEST, SHORTEST + session.seconds, session.left / 2)
 
 
 def await_kernels(session: Session) -> bool:

@@ -12,27 +12,37 @@ from scipy.sparse import csr_array, vstack
 from pscover.model import CoverForm, Model
 from pscover.presolve import fix_by_reduced_cost, lagrangian
 
-from .branch import SMALL, branch
+from .certify import Account, Fork, Paid, forked
 from .problem import IntArray, Problem, problem_of
+from .sweep import Sweep, worth
 
 if TYPE_CHECKING:
+    from .branch import Branching
     from .hunt import Hunt
     from .rowwise import Shares
     from .subgradient import Multipliers
 
+BUSHY, PLAIN = 8_000, 600
+"""Most entries for which branch and bound of our own is tried, where several must work together and where they are full."""
+TURN = 40_000
+"""Labels and entries that a turn of it looks at: a few milliseconds."""
+FIRST = 20
+"""Moves a row of local search before it begins."""
 WIDE = 12
 """Candidates a row from which the search looks at those first that multipliers favour."""
-CORE = 3
-"""Such candidates a row."""
-EACH = 5
-"""Of each row at least so many."""
+CORE, RICH = 3, 12
+"""Such candidates a row, where entries are full and where several must work together."""
+EACH, MANY = 5, 20
+"""Of each row at least so many, in the two cases."""
+NOISE = 0.2
+"""By how much reduced costs are blurred when favoured candidates are chosen anew, relative to the dearest kept."""
 STEPS = 40
 """Subgradient steps between two looks at the clock, at most."""
 WORK = 400_000
 """Entries that these steps read, at most."""
-WARM = 150
+WARM = 80
 """Subgradient steps after which multipliers are good enough to tell favoured candidates."""
-LONGEST = 150_000
+LONGEST = 400_000
 """Most entries for which rows are solved one by one: a step must not take long."""
 PATIENCE = 300
 """Moves a row without a better plan after which a search counts as idle."""
@@ -74,8 +84,12 @@ class Block:
         self.multipliers: Multipliers | None = None
         self.shares: Shares | None = None
         self.has_core = False
+        self.branching: Branching | None = None
+        self.sweep: Sweep | None = None
+        self._account = Account(self.problem, self.kept)
         self._stall = 0
         self._has_tightened = False
+        self._refocused = False
 
     @property
     def is_open(self) -> bool:
@@ -90,7 +104,7 @@ class Block:
     @property
     def is_wide(self) -> bool:
         """Whether there are so many candidates that the search had better look at favoured ones only."""
-        return self.problem.candidates > WIDE * self.problem.rows and not self.is_fractional
+        return self.problem.candidates > (2 * MANY if self.is_fractional else WIDE) * self.problem.rows
 
     @property
     def is_focused(self) -> bool:
@@ -119,17 +133,66 @@ class Block:
         self.bound = bound
         return True
 
-    def enumerate(self) -> None:
-        """Solve it at once if it is small."""
-        if self.problem.candidates > SMALL:
-            return
-        finished, plan = branch(self.problem, upper=self.cost, step=self.step)
-        if plan is not None:
-            self.offer(self.kept[plan])
-        if finished:
-            self.is_infeasible = self.plan is None
-            self.is_exhausted = True
-            self.bound = max(self.bound, self.cost) if self.plan is not None else self.bound
+    @property
+    def is_small(self) -> bool:
+        """Whether branch and bound of our own may finish it."""
+        given_up = self.branching is not None and self.branching.has_given_up
+        return len(self.problem.lines) <= (BUSHY if self.is_fractional else PLAIN) and not given_up
+
+    @property
+    def work(self) -> int:
+        """What branch and bound and the sweep have looked at."""
+        return sum(each.work for each in (self.branching, self.sweep) if each is not None)
+
+    def explore(self, seconds: float) -> bool:
+        """A turn: a short search, the root of a tree, a sweep if there is a plan, else the tree; whether it helped.
+
+        With few seconds left, the turn is shorter.
+        """
+        from .branch import Branching
+
+        if self.branching is None:
+            moved = self._search_briefly()
+            self.branching = Branching(self.problem, self.cost, self.step)
+            return moved
+        tree = self.branching
+        is_root = tree.nodes == 0
+        if self.sweep is not None and not self.sweep.has_given_up:
+            return self._sweep()
+        tree.know(self.cost)
+        moved = tree.turn(1 if is_root else TURN, seconds) and self.offer(self.kept[tree.plan])
+        if tree.is_finished:
+            return self._exhausted()
+        if is_root and self.plan is not None and self.problem.is_split and tree.is_open:
+            self.sweep = Sweep(self.problem, tree.tree, tree.lower, self.step)
+        return self.prove(min(tree.lower, self.cost)) or moved
+
+    def _sweep(self) -> bool:
+        """A turn of the sweep; whether it helped."""
+        assert self.sweep is not None
+        sweep = self.sweep
+        if sweep.turn(TURN, worth(self.cost, self.step)):
+            assert sweep.plan is not None
+            self.offer(self.kept[sweep.plan])
+        if sweep.is_finished:
+            return self._exhausted()
+        return self.prove(min(sweep.lower, self.cost))
+
+    def _exhausted(self) -> bool:
+        """Nothing is left to look at: the plan at hand is the best, or there is none."""
+        self.is_infeasible = self.plan is None
+        self.is_exhausted = True
+        self.bound = self.cost if self.plan is not None else self.bound
+        return True
+
+    def _search_briefly(self) -> bool:
+        if self.hunt is None:
+            self._hunt_in(self.problem, self.kept)
+            assert self.hunt is not None
+        moved, most = False, self.hunt.moves + FIRST * self.problem.rows
+        while self.hunt.moves < most:
+            moved |= self.hunt.turn(most) and self.offer(self.hunted[self.hunt.plan])
+        return moved
 
     def search(self) -> bool:
         """A turn of local search; whether it found a better plan."""
@@ -215,6 +278,7 @@ class Block:
 
     def _leave_out(self, gone: NDArray[np.bool_]) -> None:
         """Go on without some of the candidates kept, if they are many."""
+        from .rowwise import without
         from .subgradient import carried
 
         if gone.sum() < 0.2 * len(gone) or self.multipliers is None:
@@ -222,19 +286,33 @@ class Block:
         if gone.all():
             self.is_exhausted, self.bound = True, self.cost
             return
+        self._account.note(self._numbers(), self.multipliers.kept, self.shares)
         allowed = self.form.allowed.copy()
         allowed[self.kept[gone]] = False
         self.form = CoverForm(c=self.form.c, W=self.form.W, P=self.form.P, allowed=allowed)
         self.problem, self.kept = problem_of(self.form)
         self.multipliers = carried(self.problem, self.multipliers)
-        self.shares, self._stall, self._has_tightened = None, 0, False
-        self.hunt = None
-        self.enumerate()
+        self.shares = None if self.shares is None else without(self.shares, gone)
+        self._stall, self._has_tightened = 0, False
+        self.hunt = self.branching = self.sweep = None
+
+    def priced(self, rows: NDArray[np.int64], seconds: float) -> Paid | Fork | None:
+        """What its rows, which are these in the whole, pay for its candidates, improved for so long; None if nothing."""
+        if self.multipliers is not None and len(self.kept):
+            self._account.note(self._numbers(), self.multipliers.kept, self.shares)
+        columns = self.columns.astype(np.int64)
+        splits = self._account.improve(self.cost, self.step, seconds) if math.isfinite(self.cost) else None
+        return self._account.paid(rows, columns) if splits is None else forked(splits.root, rows, columns)
+
+    def _numbers(self) -> IntArray:
+        """The candidates kept, among those that there were at first."""
+        return np.searchsorted(self._account.kept, self.kept).astype(np.int32)
 
     def refocus(self) -> None:
         """Choose anew which candidates are favoured, by the multipliers as they are now, once the search is idle."""
         if self.is_wide and self.is_idle and self.multipliers is not None:
             self.seed += 1
+            self._refocused = True
             self._shrink_by_multipliers()
 
     def model(self) -> tuple[Model, IntArray]:
@@ -255,13 +333,18 @@ class Block:
 
     def _favoured(self, reduced: NDArray[np.float64]) -> NDArray[np.bool_]:
         """The candidates of least reduced cost, overall and of each row."""
+        overall, each = (RICH, MANY) if self.is_fractional else (CORE, EACH)
         chosen = np.zeros(len(reduced), dtype=np.bool_)
         W = self.form.W
-        chosen[np.argsort(reduced, kind="stable")[: CORE * W.shape[0]]] = True
+        most = overall * W.shape[0]
+        if self._refocused:
+            spread = np.partition(reduced, min(most, len(reduced) - 1))[min(most, len(reduced) - 1)] - reduced.min()
+            reduced = reduced + np.random.default_rng(self.seed).exponential(NOISE * max(spread, 1e-9), len(reduced))
+        chosen[np.argsort(reduced, kind="stable")[:most]] = True
         row = np.repeat(np.arange(W.shape[0]), np.diff(W.indptr))
         order = np.lexsort((reduced[W.indices], row))
         rank = np.arange(len(order)) - W.indptr[row[order]]
-        chosen[W.indices[order[rank < EACH]]] = True
+        chosen[W.indices[order[rank < each]]] = True
         if self.plan is not None:
             chosen[self.plan] = True
         return chosen

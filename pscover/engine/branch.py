@@ -1,90 +1,74 @@
-"""Small problems to proven optimality, at once and in plain Python: branch on a row that is short."""
+"""Small problems to proven optimality: branch and bound, each node bounded by its rows solved one by one.
+
+A candidate's cost is shared out over its rows; each row is met at the least price of its own (`cheapest`), and the prices
+add up to a bound (Lagrangian decomposition, Guignard and Kim 1987). Shares move towards rows that want a candidate from
+rows that do not (`nodes`); they stay valid below a node, so that every node begins where its parent ended. What taking a
+candidate would at least cost is known from the same labels, so that most are left out at once. A level branches on a clique:
+one of its candidates after the other, then none of them (`choice`).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .problem import TOLERANCE, IntArray, Problem
+from .choice import most_telling, thin
+from .jit import kernel
+from .nodes import bound, limit
+from .problem import IntArray, Problem
+from .tree import DEEPEST, DEPTH, ENOUGH, FOREVER, FREE, FRESH, NODES, UPPER, WORK, Tree, advance, enter, tree, undo
+from .trial import is_plan
 
-SMALL = 60
-"""Most candidates of a problem that is worth trying."""
-NODES = 3000
-"""Nodes after which the search gives up."""
-
-
-@dataclass(slots=True)
-class _Tree:
-    cost: list[float]
-    columns: list[list[tuple[int, float]]]
-    lines: list[list[tuple[int, float]]]
-    cliques: list[list[int]]
-    nodes: int
-    step: float
-    best: float
-    plan: list[int] | None = None
-    chosen: list[int] = field(default_factory=list)
-    shut: list[int] = field(default_factory=list)
-    """How many reasons keep each candidate out."""
-    members: list[list[int]] = field(default_factory=list)
-
-    def visit(self, deficit: list[float], spent: float) -> None:
-        """Explore all plans that contain the choices so far and none of those shut out."""
-        self.nodes -= 1
-        if self.nodes < 0:
-            return
-        narrow: list[tuple[int, float]] | None = None
-        least = 0.0
-        for j, short in enumerate(deficit):
-            if short <= TOLERANCE:
-                continue
-            open_ = [(i, w) for i, w in self.lines[j] if not self.shut[i]]
-            least = max(least, self._least(open_, short))
-            if narrow is None or len(open_) < len(narrow):
-                narrow = open_
-        if narrow is None:
-            if spent < self.best - max(0.5 * self.step, 1e-12):
-                self.best, self.plan = spent, list(self.chosen)
-            return
-        if spent + least > self.best - self.step + 1e-9:
-            return
-        closed = []
-        for i, _ in narrow:
-            together = [k for clique in self.cliques[i] for k in self.members[clique]]
-            for k in together:
-                self.shut[k] += 1
-            self.shut[i] += 1
-            self.chosen.append(i)
-            after = list(deficit)
-            for j, w in self.columns[i]:
-                after[j] -= w
-            self.visit(after, spent + self.cost[i])
-            self.chosen.pop()
-            for k in together:
-                self.shut[k] -= 1
-            # Stays shut for the candidates that follow: plans with it have been seen.
-            closed.append(i)
-        for i in closed:
-            self.shut[i] -= 1
-
-    def _least(self, open_: list[tuple[int, float]], short: float) -> float:
-        """What meeting one row costs at least: its relaxation, at most one candidate a clique left out."""
-        total = 0.0
-        for i, w in open_:
-            if w >= short:
-                return total + self.cost[i] * short / w
-            total += self.cost[i]
-            short -= w
-            if short <= TOLERANCE:
-                return total
-        return float("inf")
+MORE, DONE, BETTER, TOO_DEEP = range(4)
+RATE = 5e5
+"""Labels and entries that a slow machine looks at in a second."""
 
 
-def branch(
-    problem: Problem, *, upper: float = np.inf, step: float = 0.0, nodes: int = NODES
-) -> tuple[bool, IntArray | None]:
-    """The best plan cheaper than `upper`, by branch and bound.
+@kernel
+def explore(problem: Problem, tree: Tree, work: int) -> int:
+    """Go on for so much work, until a better plan is found, or to the end; what happened."""
+    end = tree.counts[WORK] + work
+    while tree.counts[WORK] < end:
+        if tree.counts[FRESH] == 0:
+            while tree.counts[DEPTH] > 0 and tree.lower[tree.counts[DEPTH] - 1] > limit(tree):
+                undo(tree)
+                tree.counts[DEPTH] -= 1
+            if tree.counts[DEPTH] == 0:
+                return DONE
+            advance(problem, tree)
+        tree.counts[FRESH] = 0
+        tree.counts[NODES] += 1
+        thin(problem, tree)
+        lower = bound(problem, tree)
+        if lower > limit(tree):
+            continue
+        is_better = is_plan(problem, tree)
+        if lower <= limit(tree):
+            pick = most_telling(tree, lower)
+            if pick >= 0:
+                if tree.counts[DEPTH] >= DEEPEST:
+                    return TOO_DEEP
+                enter(tree, pick, lower)
+        if is_better:
+            return BETTER
+    return MORE
+
+
+def without_replaced(problem: Problem) -> NDArray[np.bool_]:
+    """Which candidates stay when those go that another of their clique replaces, shape (candidates,).
+
+    The same as the presolve step `clique_dominance` for candidates of one clique each, without its overhead.
+    """
+    root = tree(problem, np.inf, 0.0)
+    thin(problem, root)
+    kept: NDArray[np.bool_] = root.state == FREE
+    return kept
+
+
+class Branching:
+    """The search as Python drives it: in short turns; its nodes depend on the problem and the plans it knows only.
 
     Parameters
     ----------
@@ -93,41 +77,51 @@ def branch(
     upper
         The cost of a plan at hand.
     step
-        By how much a plan must at least be cheaper to count.
-    nodes
-        After so many the search gives up.
-
-    Returns
-    -------
-    finished
-        Whether all plans were looked at.
-    plan
-        The best plan, sorted, or None if none was found: with `finished`, there is none below `upper`.
+        By how much a plan must at least be cheaper to count; 0 for the least that can be told apart.
     """
-    n = problem.candidates
-    line = problem.lines
-    members: list[list[int]] = [[] for _ in range(int(problem.cliques[0]))]
-    cliques = [problem.gclq[problem.gptr[i] : problem.gptr[i + 1]].tolist() for i in range(n)]
-    for i, listed in enumerate(cliques):
-        for clique in listed:
-            members[clique].append(i)
-    column = problem.columns
-    tree = _Tree(
-        cost=problem.cost.tolist(),
-        columns=[_pairs(column["row"], column["entry"], problem.cptr, i) for i in range(n)],
-        lines=[_pairs(line["candidate"], line["entry"], problem.rptr, j) for j in range(problem.rows)],
-        cliques=cliques,
-        nodes=nodes,
-        step=step,
-        best=upper,
-        shut=[0] * n,
-        members=members,
-    )
-    tree.visit([1.0] * problem.rows, 0.0)
-    plan = None if tree.plan is None else np.sort(np.array(tree.plan, dtype=np.int32))
-    return tree.nodes >= 0, plan
 
+    def __init__(self, problem: Problem, upper: float = np.inf, step: float = 0.0) -> None:
+        self.problem = problem
+        self.tree = tree(problem, upper, step)
+        self.is_finished = False
+        self.has_given_up = False
 
-def _pairs(index: IntArray, value: IntArray, starts: IntArray, k: int) -> list[tuple[int, float]]:
-    span = slice(starts[k], starts[k + 1])
-    return list(zip(index[span].tolist(), value[span].tolist(), strict=True))
+    @property
+    def nodes(self) -> int:
+        """Nodes looked at."""
+        return int(self.tree.counts[NODES])
+
+    @property
+    def is_open(self) -> bool:
+        """Whether nodes are left."""
+        return bool(self.tree.counts[DEPTH] > 0)
+
+    @property
+    def work(self) -> int:
+        """Labels and entries looked at."""
+        return int(self.tree.counts[WORK])
+
+    @property
+    def plan(self) -> IntArray:
+        """The best plan found, sorted; empty if none was."""
+        return np.flatnonzero(self.tree.best).astype(np.int32)
+
+    @property
+    def lower(self) -> float:
+        """What every plan costs at least that is still to be found."""
+        return float(self.tree.lower[0]) if self.tree.counts[DEPTH] > 0 else 0.0
+
+    def turn(self, work: int, seconds: float = math.inf) -> bool:
+        """Go on for so much work or until a better plan is found; whether it was.
+
+        A node takes fewer steps where they would take longer than the seconds that are left.
+        """
+        self.tree.counts[ENOUGH] = FOREVER if math.isinf(seconds) else self.work + int(RATE * seconds)
+        happened = int(explore(self.problem, self.tree, work))
+        self.is_finished = happened == DONE
+        self.has_given_up = happened == TOO_DEEP
+        return happened == BETTER
+
+    def know(self, upper: float) -> None:
+        """A plan of that cost is at hand."""
+        self.tree.value[UPPER] = min(upper, self.tree.value[UPPER])

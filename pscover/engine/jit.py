@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -18,7 +22,24 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def kernel(function: F) -> F:
     """Compile on first call and keep the result on disk beside the source, or in the user's cache folder."""
-    return function if njit is None else cast(F, njit(cache=True, nogil=True, error_model="numpy")(function))
+    if njit is None:
+        return function
+    compiled = njit(cache=True, nogil=True, error_model="numpy")(function)
+    # Numba looks for edits in the kernel's own file only; what it calls may have changed as well.
+    with contextlib.suppress(AttributeError):
+        compiled._cache._cache_file._source_stamp = sources()
+    return cast(F, compiled)
+
+
+@cache
+def sources() -> str:
+    """A digest of the sources of all kernels: what was compiled from others is not used."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        text = path.read_bytes()
+        if b"from .jit import" in text or path.name == "problem.py":
+            digest.update(text)
+    return digest.hexdigest()
 
 
 def inner(function: F) -> F:

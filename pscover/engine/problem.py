@@ -61,6 +61,11 @@ class Problem(NamedTuple):
         """The number of covering rows."""
         return len(self.rptr) - 1
 
+    @property
+    def is_split(self) -> bool:
+        """Whether no candidate is in two cliques."""
+        return bool((np.diff(self.gptr) <= 1).all())
+
 
 def problem_of(form: CoverForm) -> tuple[Problem, IntArray]:
     """The problem over the candidates that may be chosen and cover something, and which candidates those are.

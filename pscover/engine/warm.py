@@ -18,7 +18,7 @@ def prepare() -> None:
 
     from pscover.model import CoverForm
 
-    from . import greedy, rowwise, state, subgradient, weighting
+    from . import branch, greedy, rowwise, state, subgradient, sweep, weighting
     from .problem import problem_of
 
     W, P = csr_array(np.array([[0.5, 0.6, 0.7]])), csr_array(np.array([[1.0, 1.0, 0.0]]))
@@ -27,6 +27,10 @@ def prepare() -> None:
     greedy.complete(problem, plan, problem.cost)
     weighting.search(problem, plan, 100, 2)
     weighting.adopt(problem, plan, np.array([2], dtype=np.int32))
+    branch.without_replaced(problem)
+    root = branch.Branching(problem)
+    root.turn(100)
+    sweep.Sweep(problem, root.tree, 0.0, 1.0).turn(100, 2.0)
     multipliers = subgradient.multipliers(problem)
     subgradient.ascend(problem, multipliers, 1, 2.0)
     rowwise.improve(problem, rowwise.shares(problem, multipliers.y), 1, 2.0)
@@ -34,14 +38,18 @@ def prepare() -> None:
 
 def is_on_disk() -> bool:
     """Whether every kernel has been compiled before, by this version of the sources and of numba."""
-    from . import greedy, rowwise, subgradient, weighting
+    from . import branch, choice, greedy, rowwise, subgradient, sweep, weighting
 
     kernels: tuple[Any, ...] = (
+        choice.thin,
+        branch.explore,
         greedy.complete,
         weighting.search,
         weighting.adopt,
         subgradient.ascend,
         rowwise.improve,
+        sweep.expand,
+        sweep.undominated,
     )
     try:
         return all(kernel._cache._cache_file._load_index() for kernel in kernels)

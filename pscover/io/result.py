@@ -17,12 +17,13 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from pscover.certificate import HUGE, MOST_COUNT, MOST_DEPTH, MOST_SCALE, MOST_UNITS, Certificate, Prices, Split
+from pscover.certificate import MOST_COUNT, MOST_DEPTH, MOST_SCALE, Certificate, Prices, Split
 from pscover.errors import InvalidResult, InvalidSettings
 from pscover.files import TEXT_LIMIT, read_bytes, write_bytes
 from pscover.infeasibility import Diagnosis, Unmet, Unreachable
 from pscover.instance import INDEX_LIMIT
 from pscover.io.documents import Versions
+from pscover.relaxation import HUGE, MOST_UNITS
 from pscover.result import Progress, Result, Settings, Status, Stop, Timing
 
 Index = Annotated[int, msgspec.Meta(ge=0, le=INDEX_LIMIT)]

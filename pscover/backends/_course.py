@@ -1,0 +1,277 @@
+"""The course of one solve by the default engine: what is done to the independent blocks of a form, in which order."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pscover import isolate
+from pscover.clock import Clock
+from pscover.model import CoverForm, Model
+from pscover.presolve import components
+from pscover.presolve.reduced import Outcome, Reduced
+from pscover.result import Answer, Progress, Status
+
+from ._beside import Beside
+from ._kernels import PAUSE, await_kernels, certifying, feasible_start, least_step, plain_plan
+from ._session import CLAIMED, Session
+
+if TYPE_CHECKING:
+    from pscover.engine.block import Block
+
+IntArray = NDArray[np.int32]
+
+BURST = 0.02
+"""Seconds of search of one block before the next has its turn."""
+RATE, SLOW = 2e5, 2e3
+"""Entries that HiGHS takes in a second before it brings anything, where they are full and where several work together."""
+TREE = 0.6
+"""The part of the time that branch and bound of our own may take on small blocks."""
+FOREST = 60.0
+"""Seconds that it may take where there is no limit."""
+BRIEF = 20_000_000
+"""Labels and entries that it then looks at before it leaves the form to presolve."""
+SHORTEST = 0.3
+"""Seconds that must be left for branch and bound in a process of its own to be of use."""
+
+
+class Course:
+    """One solve of a form whose packing rows are cliques."""
+
+    def __init__(self, form: CoverForm, reduced: Reduced, session: Session, share: float) -> None:
+        from pscover.engine.block import Block
+
+        self.form, self.reduced, self.session, self.share = form, reduced, session, share
+        self.blocks: list[Block] = []
+        self.beside: Beside | None = None
+        if reduced.status is not Outcome.SOLVED:
+            step = least_step(reduced.form.c)
+            for part, columns in components(reduced.form):
+                self.blocks.append(Block(part, columns.astype(np.int32), session.settings.seed, step))
+
+    def answer(self) -> Answer:
+        """Go through the stages until nothing is open or the session is over."""
+        session = self.session
+        self._adopt_start()
+        self._tell()
+        try:
+            if self._open() and not session.over():
+                self._search_and_prove()
+        finally:
+            if self.beside is not None:
+                self.beside.dismiss()
+        if any(block.is_infeasible for block in self.blocks):
+            return session.answer(Status.INFEASIBLE)
+        return self._certified()
+
+    def _certified(self) -> Answer:
+        """The answer, with what proves the bound as far as prices do."""
+        from pscover.engine.certify import of_blocks
+
+        session = self.session
+        answer = session.answer(Status.OPTIMAL if session.is_proven() else Status.UNKNOWN)
+        return replace(answer, certificate=of_blocks(self.form, self.reduced, self.blocks, certifying(session)))
+
+    def at_once(self) -> Answer | None:
+        """The proven answer if branch and bound finds it after little work, else None."""
+        session = self.session
+        self._adopt_start()
+        for block in self.blocks:
+            # A short search: every block has a plan before one of them takes long.
+            if block.is_open and block.is_small and not session.over():
+                block.explore(session.left)
+        self._tell()
+        for block in self.blocks:
+            while block.is_open and block.is_small and not session.over() and not session.is_proven():
+                if block.explore(session.left):
+                    self._tell()
+                if block.work > BRIEF:
+                    return None
+            if block.is_infeasible:
+                return session.answer(Status.INFEASIBLE)
+            if block.is_open and not session.over():
+                return None
+        return self._certified()
+
+    def _open(self) -> list[Block]:
+        return [] if self.session.is_proven() else [block for block in self.blocks if block.is_open]
+
+    def _adopt_start(self) -> None:
+        start = self.session.settings.start if self.session.chosen is None else self.session.chosen
+        if start is None or not self.blocks:
+            return
+        inner = feasible_start(self.reduced.form, self.reduced.project(list(start)).tolist())
+        self._offer(inner)
+
+    def _offer(self, plan: IntArray | None) -> None:
+        """Take a plan of what presolve left, if there is one."""
+        for block in self.blocks if plan is not None else ():
+            assert plan is not None
+            block.offer(np.flatnonzero(np.isin(block.columns, plan)).astype(np.int32))
+
+    def _tell(self) -> None:
+        """Report the plan and the bound of the whole."""
+        offset = self.session.model.offset
+        self.session.bounded(offset + self.reduced.lower_bound(sum(block.bound for block in self.blocks)) * (1 - 1e-12))
+        plans = [block.columns[block.plan] for block in self.blocks if block.plan is not None]
+        if len(plans) == len(self.blocks):
+            chosen = self.reduced.lift(np.concatenate(plans) if plans else np.zeros(0, dtype=np.int64)).astype(np.int32)
+            self.session.plan(chosen, float(self.form.c[chosen].sum()) + offset)
+
+    def _search_and_prove(self) -> None:
+        from pscover.engine.warm import warming
+
+        session = self.session
+        if not warming().is_done:
+            for block in self._open():
+                plan = plain_plan(block.form, session)
+                if plan is not None and block.offer(plan):
+                    self._tell()
+        if not self._get_ready():
+            return
+        self._explore(TREE * session.left if math.isfinite(session.left) else FOREST)
+        if not self._open() or session.over():
+            return
+        if session.left > 2 * SHORTEST:
+            isolate.warm_up()
+        self._settle(0.3 * session.left if math.isfinite(session.left) else 1e9)
+        for block in self._open():
+            rate = SLOW if block.is_fractional else RATE
+            if not session.over() and self.share * session.left > SHORTEST + block.problem.lines.size / rate:
+                self._branch(block)
+        while math.isfinite(session.left) and self._open() and not session.over():
+            for block in self._open():
+                block.refocus()
+            self._settle(session.left)
+
+    def _get_ready(self) -> bool:
+        """Wait for the kernels, with HiGHS at work where they are compiled; whether the session goes on with them."""
+        from pscover.engine.warm import is_on_disk, warming
+
+        if not warming().is_done and not is_on_disk() and self.session.left > SHORTEST:
+            model, _ = self._whole().model()
+            settings = replace(self.session.settings, time=self.session.left, start=None, gap=0.0)
+            self.beside = Beside(model, settings)
+            while not warming().wait(10 * PAUSE) and not self.session.over() and not self.session.is_proven():
+                self._hear()
+                if self.beside.is_done:
+                    break
+        return not self.session.is_proven() and await_kernels(self.session)
+
+    def _whole(self) -> Block:
+        from pscover.engine.block import Block
+
+        form = self.reduced.form
+        return Block(form, np.arange(len(form.c), dtype=np.int32), 0, 0.0)
+
+    def _hear(self) -> None:
+        """Take what the engine beside has found."""
+        beside, offset = self.beside, self.session.model.offset
+        if beside is None:
+            return
+        kept = self._whole().kept
+        for progress in beside.news():
+            self.session.bounded(offset + self.reduced.lower_bound(progress.bound) * (1 - 1e-12))
+            if progress.chosen is not None:
+                inner = feasible_start(self.reduced.form, kept[progress.chosen].tolist())
+                self._offer(inner)
+                self._tell()
+
+    def _explore(self, seconds: float) -> None:
+        """Branch and bound of our own on the blocks that are small, in turn, for so long."""
+        end = perf_counter() + seconds
+        while perf_counter() < end and not self.session.over():
+            blocks = [block for block in self._open() if block.is_small]
+            if not blocks:
+                return
+            for block in blocks:
+                if block.explore(self.session.left):
+                    self._tell()
+                if self.session.over():
+                    return
+            self._hear()
+
+    def _settle(self, seconds: float) -> None:
+        """Search and bound the open blocks in turn until neither moves, or for so long."""
+        session, began = self.session, perf_counter()
+        last = began
+        forever = math.isfinite(seconds) and seconds >= session.left
+        while (blocks := self._open()) and not session.over():
+            self._hear()
+            moved = False
+            for block in blocks:
+                moved |= self._attend(block)
+                if session.over():
+                    return
+            now = perf_counter()
+            last = now if moved else last
+            still = now - last > 0.3 + 0.5 * (last - began)
+            settled = all(block.is_settled and (still or block.is_idle) for block in blocks)
+            if now - began > seconds or (settled and not forever):
+                return
+
+    def _attend(self, block: Block) -> bool:
+        """Give one block a burst of search and, until it has settled, of bounding; whether something got better."""
+        session, moved = self.session, False
+        if block.has_core:
+            block.refocus()
+        end = perf_counter() + (BURST if block.is_focused else 0.0)
+        while perf_counter() < end and block.is_open and not session.over():
+            if block.search():
+                moved = True
+                self._tell()
+        if block.is_open and not block.is_settled and not session.over():
+            risen, end = False, perf_counter() + BURST / 2
+            while perf_counter() < end and block.is_open and not block.is_settled and not session.over():
+                risen |= block.bind()
+            if risen or not block.is_open:
+                moved = True
+                self._tell()
+        return moved
+
+    def _branch(self, block: Block) -> None:
+        """Hand a block to branch and bound, with its plan as the start."""
+        from pscover import registry
+
+        session = self.session
+        model, kept = block.model()
+        if len(kept) == 0:
+            block.is_exhausted, block.bound = True, block.cost
+            return self._tell()
+        start = None
+        if block.plan is not None and np.isin(block.plan, kept).all():
+            start = tuple(np.searchsorted(kept, block.plan).tolist())
+        seconds = session.left if math.isinf(session.left) else max(SHORTEST, self.share * session.left)
+        settings = replace(session.settings, time=seconds, start=start, gap=0.0)
+
+        def seen(progress: Progress) -> bool:
+            if progress.chosen is not None and _misses(model, progress.chosen) <= CLAIMED:
+                block.offer(kept[progress.chosen])
+            block.prove(min(progress.bound, block.cost))
+            self._tell()
+            return session.over() or session.is_proven()
+
+        answer = isolate.run(registry.backend("highs"), model, settings, seen, Clock(seconds))
+        if answer.chosen is not None and _misses(model, answer.chosen) <= CLAIMED:
+            block.offer(kept[answer.chosen])
+        if answer.status is Status.INFEASIBLE:
+            block.is_infeasible, block.is_exhausted = block.plan is None, True
+            block.bound = block.cost
+        else:
+            block.prove(min(answer.bound, block.cost))
+            if answer.status is Status.OPTIMAL and answer.chosen is not None:
+                block.is_exhausted, block.bound = True, block.cost
+        return self._tell()
+
+
+def _misses(model: Model, chosen: IntArray) -> float:
+    """By how much a plan misses a row at most."""
+    x = np.zeros(model.variables)
+    x[chosen] = 1.0
+    activity = model.A @ x
+    return float(max(np.max(model.lo - activity, initial=0.0), np.max(activity - model.hi, initial=0.0)))

@@ -1,0 +1,197 @@
+"""The relaxation that certificates speak of, in whole numbers; why it is one is said in `certificate`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pscover.instance import TOLERANCE, Instance
+
+if TYPE_CHECKING:
+    from pscover.certificate import Prices
+
+LongArray = NDArray[np.int64]
+
+SLACK = 2 * TOLERANCE
+"""By how much a requirement may be missed: twice what a goal forgives, so that plans weighed in floating point count too."""
+MOST_UNITS = 4096
+HUGE = 2**59
+"""Prices add up to less than this, so that sums of a few such numbers fit 64 bits."""
+NEVER = 2**61
+"""The price of what cannot be: above all prices, and twice it fits 64 bits."""
+BINARY = 2**40
+"""Fixed-point logarithms: the largest, 37.4 for the smallest 1 - q, times this and the most units fits 64 bits."""
+
+
+@dataclass
+class Rows:
+    """The relaxation of an instance in whole numbers.
+
+    Parameters
+    ----------
+    instance, units, scale
+        As in the certificate.
+    """
+
+    instance: Instance
+    units: int
+    scale: int
+    size: LongArray = field(init=False)
+    cost: LongArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        p = self.instance.probability
+        self.owner = np.repeat(np.arange(self.instance.candidates), np.diff(p.indptr))
+        self.row = p.indices.astype(np.int64)
+        self.size, self.asks = sizes(self.instance, self.units)
+        self.group = groups(self.instance)
+        whole = {c: min(HUGE, math.floor(Fraction(c) * self.scale)) for c in np.unique(self.instance.cost).tolist()}
+        self.cost = np.array([whole[c] for c in self.instance.cost.tolist()], dtype=np.int64)
+
+    def bound(self, prices: Prices, limits: dict[int, tuple[int, int | None]]) -> int | None:
+        """Of one set of prices, in 1/scale; None where no plan is within the limits."""
+        allowed = self._allowed(limits)
+        unit = np.where(self.asks, prices.unit, 0)
+        paid = prices.entry + unit[self.row] * self.size
+        left = self.cost.copy()
+        np.subtract.at(left, self.owner, paid)
+        total = int(unit.sum()) * self.units + _gain(left[allowed], self.group[allowed])
+        inside = np.flatnonzero(allowed[self.owner])
+        row, group, price, size = self.row[inside], self.group[self.owner[inside]], prices.entry[inside], self.size[inside]
+        best = _undominated(row, group, price, size)
+        row, group, price, size = row[best], group[best], price[best], size[best]
+        starts = np.searchsorted(row, np.arange(self.instance.elements + 1))
+        for j in range(self.instance.elements):
+            span = slice(starts[j], starts[j + 1])
+            demand = self.units if self.asks[j] else 0
+            if not demand and j not in limits:
+                total += _gain(price[span], group[span])
+                continue
+            low, high = limits.get(j, (0, None))
+            cheapest = _cheapest(group[span].tolist(), price[span].tolist(), size[span].tolist(), demand, low, high)
+            if cheapest is None:
+                return None
+            total += cheapest
+        return total
+
+    def _allowed(self, limits: dict[int, tuple[int, int | None]]) -> NDArray[np.bool_]:
+        """Candidates without those that are in no choice of few enough candidates that meets a row."""
+        allowed = np.ones(self.instance.candidates, dtype=np.bool_)
+        for j, (_, high) in limits.items():
+            if high is None or not self.asks[j]:
+                continue
+            own = np.flatnonzero(self.row == j)
+            others = int(np.sort(self.size[own])[::-1][: max(0, high - 1)].sum())
+            allowed[self.owner[own[self.size[own] + others < self.units]]] = False
+            if high == 0:
+                allowed[self.owner[own]] = False
+        return allowed
+
+
+def sizes(instance: Instance, units: int) -> tuple[LongArray, NDArray[np.bool_]]:
+    """Sizes s_ij in whole units of the demand, at most all of it, for each stored p_ij; and which elements ask for anything.
+
+    Examples
+    --------
+    >>> size, asks = sizes(Instance.of([[0.5, 1.0, 0.1]], required=0.75), 10)
+    >>> size.tolist(), asks.tolist()
+    ([6, 10, 1], [True])
+    """
+    p = instance.probability
+    down, up = Context(prec=40, rounding=ROUND_FLOOR), Context(prec=40, rounding=ROUND_CEILING)
+    one, binary = Decimal(1), Decimal(BINARY)
+    # A correctly rounded logarithm of 40 digits is off by less than 1e-36 here: two such steps outward are enough.
+    step = Decimal("1e-36")
+    demand = np.zeros(instance.elements, dtype=np.int64)
+    for q in np.unique(instance.required).tolist():
+        rest = up.add(up.subtract(one, Decimal(q)), Decimal(SLACK))
+        if rest < one:
+            need = down.subtract(down.minus(down.ln(rest)), step)
+            demand[instance.required == q] = max(0, int(down.multiply(need, binary)))
+    values, place = np.unique(p.data, return_inverse=True)
+    weight = np.full(len(values), -1, dtype=np.int64)
+    for k, value in enumerate(values.tolist()):
+        if value < 1.0:
+            most = up.add(up.minus(up.ln(down.subtract(one, Decimal(value)))), step)
+            weight[k] = int(up.multiply(most, binary)) + 1
+    asked = demand[p.indices]
+    supply = weight[place]
+    supply = np.where(supply < 0, asked, np.minimum(supply, asked))
+    size = np.zeros_like(asked)
+    some = asked > 0
+    size[some] = (supply[some] * units + asked[some] - 1) // asked[some]
+    return size, demand > 0
+
+
+def groups(instance: Instance) -> LongArray:
+    """Disjoint groups of which a plan holds at most one candidate each: the largest clique of each candidate, or itself.
+
+    Examples
+    --------
+    >>> groups(Instance.of([[0.5, 0.5, 0.5, 0.5]], conflicts=[(0, 1), (1, 2, 3)])).tolist()
+    [0, 1, 1, 1]
+    """
+    cliques = instance.conflicts
+    group = np.arange(len(cliques), len(cliques) + instance.candidates, dtype=np.int64)
+    large = np.diff(cliques.starts)
+    order = np.argsort(large[cliques.owner()], kind="stable")
+    group[cliques.members[order]] = cliques.owner()[order]
+    return group
+
+
+def _gain(value: LongArray, group: LongArray) -> int:
+    """The sum over groups of min(0, the least value)."""
+    below = np.flatnonzero(value < 0)
+    order = below[np.lexsort((value[below], group[below]))]
+    first = np.diff(group[order], prepend=-1) != 0
+    return int(value[order[first]].sum())
+
+
+def _undominated(row: LongArray, group: LongArray, price: LongArray, size: LongArray) -> LongArray:
+    """Entries by row and group without those that another of their row and group replaces: as large and not dearer."""
+    order = np.lexsort((-size, price, group, row))
+    fresh = (np.diff(row[order], prepend=-1) != 0) | (np.diff(group[order], prepend=-1) != 0)
+    rising = np.cumsum(fresh) * (MOST_UNITS + 1) + size[order]
+    before = np.concatenate(([-1], np.maximum.accumulate(rising)[:-1])) if len(rising) else rising
+    kept: LongArray = order[fresh | (rising > before)]
+    return kept
+
+
+def _cheapest(group: list[int], price: list[int], size: list[int], demand: int, low: int, high: int | None) -> int | None:
+    """The least price of a choice of `low` to `high` entries, at most one a group, that gives the demand; None without one.
+
+    State (e, d): the least price of e entries (as many or more for the last e where there is no `high`) of at least d units.
+    """
+    last = low if high is None else min(high, len(set(group)))
+    if low > last:
+        return None
+    table = np.full((last + 1, demand + 1), NEVER, dtype=np.int64)
+    table[0, 0] = 0
+    k = 0
+    while k < len(group):
+        before, end = table.copy(), k
+        while end < len(group) and group[end] == group[k]:
+            _take(table, before, price[end], size[end], capped=high is None)
+            end += 1
+        k = end
+    least = int(table[low:, demand].min())
+    return None if least >= NEVER // 2 else least
+
+
+def _take(table: LongArray, before: LongArray, price: int, size: int, *, capped: bool) -> None:
+    """Lower the states that one more entry reaches."""
+    demand = table.shape[1] - 1
+    size = min(size, demand)
+    sources = [(slice(0, -1), slice(1, None))] if len(table) > 1 else []
+    if capped:
+        sources.append((slice(-1, None), slice(-1, None)))
+    for source, target in sources:
+        old, new = before[source], table[target]
+        np.minimum(new[:, size:], old[:, : demand + 1 - size] + price, out=new[:, size:])
+        np.minimum(new[:, :size], old[:, :1] + price, out=new[:, :size])
