@@ -4,7 +4,8 @@
 
 Start it once and keep it. Every request has "do"; an "id" comes back in the answer. Answers have "ok": true, or "ok":
 false and "error", one sentence. Nothing else is ever written, and no request ends the program but "quit", or the end of
-the input. Coordinates are pixels of the image, angles radians from the x axis towards the y axis (y runs down).
+the input; when nobody reads the answers any more, it ends too. Coordinates are pixels of the image, angles radians from
+the x axis towards the y axis (y runs down).
 
     {"id": 1, "do": "plan", "image": "photo.jpg", "pixels_per_cm": 4.7, "basket": [500, 140], "time": 2.0, "required": 0.7}
     {"id": 1, "ok": true, "plan": {"schema": "pscover.plan/1", "grasps": [{"x": ..., "y": ..., "theta": ...}, ...], ...}}
@@ -27,7 +28,9 @@ it, and "failed": [[x, y], ...] are places to leave alone. No actions: nothing i
 
 from __future__ import annotations
 
+import io
 import json
+import os
 import sys
 from dataclasses import dataclass, field
 from typing import Any, TextIO
@@ -58,6 +61,8 @@ NEXT: dict[str, Any] = {
 }
 LONGEST = 2**26
 """Characters of a line."""
+LARGEST = 1e15
+"""Above all numbers in requests."""
 
 
 class BadRequest(Exception):
@@ -84,7 +89,7 @@ class Server:
         identity = None
         try:
             request = _object(line)
-            identity = request.get("id")
+            identity = _identity(request.get("id"))
             if request.get("do") == "quit":
                 return None
             return {"id": identity, "ok": True, **self._done(request)}
@@ -134,7 +139,7 @@ class Server:
         policy = registry.policy(name, given["settings"])
         depth = None if given["depth"] is None else np.asarray(read_depth(_text(given, "depth")), dtype=np.float32)
         look = Look(pixels_per_cm=_number(given, "pixels_per_cm"), basket=_point(given["basket"], "basket"))
-        failed = [_point(point, "failed") or (0.0, 0.0) for point in given["failed"]]
+        failed = [_place(point, "failed") for point in given["failed"]]
         frame = Frame(rgb=read_photo(_text(request, "image")), depth=depth)
         sight = Sight(frame, PhotoEyes(look=look), failed, _number(given, "radius"))
         decision = policy.next(sight, self.states.get(name), np.random.default_rng([_whole(given, "seed"), self.calls]))
@@ -146,11 +151,15 @@ class Server:
         }
 
 
+def _no_number(name: str) -> float:
+    raise BadRequest(f"expected JSON, which has no number {name}")
+
+
 def _object(line: str) -> dict[str, Any]:
     if len(line) > LONGEST:
         raise BadRequest(f"expected a line of at most {LONGEST} characters, got {len(line)}")
     try:
-        request = json.loads(line)
+        request = json.loads(line, parse_constant=_no_number)
     except (ValueError, RecursionError) as problem:
         raise BadRequest(f"expected a JSON object on one line, got something else ({problem})") from None
     if not isinstance(request, dict):
@@ -166,10 +175,18 @@ def _settings(request: dict[str, Any], defaults: dict[str, Any], others: tuple[s
     return {**defaults, **{name: request[name] for name in defaults if name in request}}
 
 
+def _identity(value: Any) -> str | int | None:
+    if isinstance(value, bool) or not isinstance(value, str | int | None):
+        raise BadRequest("id: expected text or a whole number")
+    return value
+
+
 def _number(given: dict[str, Any], name: str) -> float:
     value = given[name]
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise BadRequest(f"{name}: expected a number, got {json.dumps(value)}")
+    if not abs(value) < LARGEST:
+        raise BadRequest(f"{name}: expected a number of ordinary size, got a larger one")
     return float(value)
 
 
@@ -188,8 +205,10 @@ def _text(given: dict[str, Any], name: str) -> str:
 
 
 def _point(value: Any, name: str) -> tuple[float, float] | None:
-    if value is None:
-        return None
+    return None if value is None else _place(value, name)
+
+
+def _place(value: Any, name: str) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2:
         raise BadRequest(f"{name}: expected [x, y], got {json.dumps(value)}")
     return _number({name: value[0]}, name), _number({name: value[1]}, name)
@@ -224,4 +243,12 @@ def serve(requests: TextIO, answers: TextIO) -> None:
 
 
 if __name__ == "__main__":
-    serve(sys.stdin, sys.stdout)
+    # Bytes that are no UTF-8 make a bad request, not the end.
+    requests = io.TextIOWrapper(sys.stdin.buffer, encoding="utf-8", errors="replace")
+    try:
+        serve(requests, sys.stdout)
+    except BrokenPipeError:
+        # Python would complain once more when it flushes at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except KeyboardInterrupt:
+        sys.exit(130)

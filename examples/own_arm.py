@@ -12,7 +12,7 @@ import sys
 
 import numpy as np
 
-from pscover import registry
+from pscover import PscoverError, registry
 from pscover.execution.declutter import Patience, declutter
 from pscover.execution.events import Decided, Ended, MotionFailed, Moved, PolicyFailed
 from pscover.execution.sight import PhotoEyes
@@ -94,4 +94,8 @@ def main(policy: str = "segment") -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:2]))
+    try:
+        sys.exit(main(*sys.argv[1:2]))
+    except PscoverError as problem:
+        # A policy that does not exist, or one that needs the depth that `MyCamera` does not give.
+        sys.exit(f"own_arm: {problem}")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,10 @@ class Frame:
     Parameters
     ----------
     rgb
-        Shape (H, W, 3), 8 bits.
+        Shape (H, W, 3), 8 bits. It is copied, so that a driver may fill one buffer again and again.
     depth
-        Distance along the optical axis in metres, shape (H, W); NaN or 0 where it is unknown. None without a depth camera.
+        Distance along the optical axis in metres, floating point, shape (H, W); NaN or 0 where it is unknown. None without a
+        depth camera. Copied too.
 
     Raises
     ------
@@ -46,16 +47,37 @@ class Frame:
     depth: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
-        if self.rgb.ndim != 3 or self.rgb.shape[2] != 3 or self.rgb.dtype != np.uint8 or self.rgb.size == 0:
-            raise InvalidImage(f"rgb: expected 8-bit RGB of shape (H, W, 3), got {self.rgb.dtype} {self.rgb.shape}")
-        if self.depth is not None and self.depth.shape != self.rgb.shape[:2]:
-            raise InvalidImage(f"depth: expected the shape of the image, {self.shape}, got {self.depth.shape}")
+        rgb = _array(self.rgb, "rgb")
+        if rgb.ndim != 3 or rgb.shape[2] != 3 or rgb.dtype != np.uint8 or rgb.size == 0:
+            raise InvalidImage(f"rgb: expected 8-bit RGB of shape (H, W, 3), got {rgb.dtype} {rgb.shape}")
+        object.__setattr__(self, "rgb", _kept(rgb))
+        if self.depth is None:
+            return
+        depth = _array(self.depth, "depth")
+        if depth.shape != self.shape:
+            raise InvalidImage(f"depth: expected the shape of the image, {self.shape}, got {depth.shape}")
+        if depth.dtype.kind != "f":
+            # Depth cameras count millimetres in whole numbers.
+            raise InvalidImage(f"depth: expected metres in floating point, got {depth.dtype}; divide by the units a metre")
+        object.__setattr__(self, "depth", _kept(depth))
 
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
         rows, columns = self.rgb.shape[:2]
         return rows, columns
+
+
+def _array(image: object, name: str) -> NDArray[Any]:
+    if not isinstance(image, np.ndarray):
+        raise InvalidImage(f"{name}: expected a NumPy array, got {type(image).__name__}")
+    return image
+
+
+def _kept(image: NDArray[Any]) -> NDArray[Any]:
+    own = image.copy()
+    own.setflags(write=False)
+    return own
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -147,6 +147,7 @@ def random_poses(seed: int) -> AllPoses:
         garments=tuple(listed),
         worth=tuple(np.minimum(worth, 1.0) for worth in raw),
         total=tuple(worth.sum(axis=0) for worth in raw),
+        needed=np.ones(1 + max(int(g.max()) for g in listed)),
     )
 
 
@@ -242,6 +243,16 @@ def test_a_garment_that_no_pose_removes_is_named() -> None:
     assert (found.status, found.bound, found.unmet) == (Status.INFEASIBLE, math.inf, (0,))
     assert found.coverage[1] >= 0.7
     assert found.coverage[0] >= plan(labels).coverage[0]
+
+
+def test_what_a_goal_forgives_is_no_proof_that_there_is_no_plan() -> None:
+    ellipse, labels = Ellipse(major=8, minor=6), np.zeros((30, 30), dtype=int)
+    labels[10:20, 10:20] = 1
+    area = len(ellipse.offsets(0.0)[0])
+    for short, bound in ((5e-10, 1.0), (1e-6, math.inf)):
+        required = area / (area + ellipse.half) + short
+        found = plan(labels, sampling=Sampling(orientations=1), predictor=ellipse, required=required, candidates="all")
+        assert (found.bound, len(found.grasps), found.unmet == ()) == (bound, 1, short < 1e-9)
 
 
 def test_nothing_to_remove() -> None:

@@ -18,11 +18,13 @@ from pscover.calibration.logged import Logged, folders, logged, split
 from pscover.cli.app import app
 from pscover.execution.declutter import declutter
 from pscover.execution.episode import Header, Recorder
+from pscover.execution.events import Captured
 from pscover.execution.tabletop import ColourEyes, small_table
 from pscover.experiment.trial import Trial, policy_of, run
 from pscover.grasping.calibrated import Calibrated, read_predictor
 from pscover.grasping.ellipse import Ellipse
 from pscover.grasping.features import FEATURES, features
+from pscover.robot import Frame
 from pscover.scene import Scene
 
 pytest.importorskip("cv2")
@@ -133,6 +135,18 @@ def test_records_say_what_each_grasp_took(tmp_path: Path) -> None:
     assert grasps[0].heights.max() == pytest.approx(0.04, abs=1e-6)
     x, y, _ = grasps[0].pose
     assert grasps[0].scene.segments[round(y), round(x)] in np.flatnonzero(grasps[0].removed)
+
+
+def test_pictures_of_another_shape_are_named(tmp_path: Path) -> None:
+    pytest.importorskip("cv2")
+    table = small_table()
+    with Recorder(tmp_path, Header(policy="segment")) as record:
+        first, *rest = declutter(table, table, registry.policy("segment"), eyes=ColourEyes())
+        assert isinstance(first, Captured)
+        for event in (Captured(frame=Frame(rgb=first.frame.rgb[:50]), cloth=1), *rest):
+            record.write(event)
+    with pytest.raises(InvalidResult, match="of one shape"):
+        list(logged(folders(tmp_path)))
 
 
 def test_whole_episodes_are_held_out(records: Path) -> None:

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from pscover import EngineFailed, InvalidSettings
+from pscover import EngineFailed, InvalidImage, InvalidSettings, MissingDependency, UnknownName
 from pscover.execution.declutter import Patience, declutter
 from pscover.execution.events import (
     Captured,
@@ -36,7 +36,7 @@ from pscover.policies.consolidation import Consolidation
 from pscover.policies.height import Height
 from pscover.policies.random import Random
 from pscover.policies.segment import Segment
-from pscover.policy import Decision, Pick, Policy, Transport, trip
+from pscover.policy import Decision, Pick, Place, Policy, Transport, trip
 from pscover.robot import Camera, Frame, Pose, Robot, RobotFailed, Sorter
 
 EYES = ColourEyes()
@@ -268,19 +268,34 @@ def test_a_planner_without_time_still_clears_the_table() -> None:
     assert len(table.baskets) == 3
 
 
-def test_depth_is_missed_by_a_message() -> None:
+@dataclass(slots=True, kw_only=True, eq=False)
+class Flat:
+    """A camera without depth after the first few frames."""
+
+    table: Tabletop
+    deep: int
+
+    def capture(self) -> Frame:
+        self.deep -= 1
+        frame = self.table.capture()
+        return frame if self.deep >= 0 else Frame(rgb=frame.rgb)
+
+
+def test_depth_that_goes_missing_is_told() -> None:
     pytest.importorskip("cv2")
-    table = small_table()
-
-    class Flat:
-        def capture(self) -> Frame:
-            return Frame(rgb=table.capture().rgb)
-
     from pscover.execution.sight import PhotoEyes
 
-    events = list(declutter(table, Flat(), Height(), eyes=PhotoEyes(), patience=Patience(most_transports=1)))
+    table, camera = small_table(), Flat(table=small_table(), deep=1)
+    events = list(declutter(table, camera, Height(), eyes=PhotoEyes(), patience=Patience(most_transports=2)))
     failed = next(event for event in events if isinstance(event, PolicyFailed))
     assert "expected depth" in failed.message
+
+
+def test_a_policy_of_depth_is_not_begun_without_depth() -> None:
+    table = faulty()
+    with pytest.raises(InvalidSettings, match="expected frames with depth"):
+        list(declutter(table, Flat(table=table, deep=0), Height(), eyes=EYES))
+    assert table.tried == []
 
 
 def test_a_motion_that_hangs_ends_the_run() -> None:
@@ -333,6 +348,180 @@ def test_the_caller_may_stop_and_go_on_later() -> None:
     rest = run(table, ledger=ledger)
     assert ending(rest) is Reason.CLEAR
     assert len(table.baskets) == 3
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Jammed(Tabletop):
+    """A robot that fails to reach the basket at first."""
+
+    jams: float
+
+    def transport(self) -> None:
+        if self.jams:
+            self.jams -= 1
+            raise RobotFailed("the way is blocked")
+        Tabletop.transport(self)
+
+
+def jammed(jams: float) -> Jammed:
+    labels = np.zeros((60, 80), dtype=np.int32)
+    labels[10:50, 10:50] = 1
+    return Jammed(shape=labels.shape, garments=Tabletop.of(labels).garments, jams=jams)
+
+
+def test_what_is_still_in_the_gripper_is_not_cleared() -> None:
+    table = jammed(3)
+    assert ending(run(table)) is Reason.CLEAR
+    assert table.baskets == [("", 1)]
+    for patience, reason in ((Patience(), Reason.BROKEN), (Patience(failures=np.inf), Reason.STUCK)):  # type: ignore[arg-type]
+        table = jammed(np.inf)
+        events = run(table, patience=patience)
+        assert ending(events) is reason
+        assert "did not reach the basket" in str(events[-1])
+        assert table.baskets == []
+
+
+def test_a_black_picture_shows_no_clear_table() -> None:
+    table = small_table()
+
+    class Blinks:
+        count = 0
+
+        def capture(self) -> Frame:
+            self.count += 1
+            frame = table.capture()
+            return Frame(rgb=np.zeros_like(frame.rgb)) if self.count % 2 else frame
+
+    class Black:
+        def cloth(self, frame: Frame) -> np.ndarray:
+            return np.asarray(EYES.cloth(frame) & frame.rgb.any(axis=2))
+
+        def __getattr__(self, name: str) -> object:
+            return getattr(EYES, name)
+
+    events = list(declutter(table, Blinks(), Segment(), eyes=Black()))  # type: ignore[arg-type]
+    assert ending(events) is Reason.CLEAR
+    assert len(table.baskets) == 3
+    assert count(events, FrameLost) == count(events, Captured)
+
+
+def test_an_image_that_is_none_is_a_lost_frame() -> None:
+    table, broken = small_table(), [None, np.zeros((60, 120), dtype=np.uint8), np.zeros((0, 120, 3), dtype=np.uint8)]
+
+    class Grey:
+        def capture(self) -> Frame:
+            return Frame(rgb=broken.pop()) if broken else table.capture()  # type: ignore[arg-type]
+
+    events = list(declutter(table, Grey(), Segment(), eyes=EYES, patience=Patience(captures=4)))
+    assert ending(events) is Reason.CLEAR
+    assert count(events, FrameLost) == 3
+
+
+def test_a_camera_may_fill_one_buffer_again_and_again() -> None:
+    table = small_table()
+    buffer = np.zeros((60, 120, 3), dtype=np.uint8)
+
+    class Reuses:
+        def capture(self) -> Frame:
+            buffer[:] = table.capture().rgb
+            return Frame(rgb=buffer)
+
+    events = list(declutter(table, Reuses(), Segment(), eyes=EYES))
+    assert all(event.changed for event in events if isinstance(event, Judged))
+
+
+@pytest.mark.parametrize(
+    ("depth", "message"),
+    [
+        (np.full((60, 120), 1300, dtype=np.uint16), "expected metres in floating point, got uint16"),
+        (np.ones((60, 121), dtype=np.float32), "expected the shape of the image"),
+        ([[1.0]], "expected a NumPy array, got list"),
+    ],
+)
+def test_depth_that_is_none_is_named(depth: object, message: str) -> None:
+    with pytest.raises(InvalidImage, match=message):
+        Frame(rgb=small_table().capture().rgb, depth=depth)  # type: ignore[arg-type]
+
+
+def test_a_weight_of_any_kind_of_number_counts() -> None:
+    table = small_table()
+    for says, heard in ((np.float32(0.5), 0.5), (np.int64(2), 2.0), (True, None), ("1", None), (-1, None)):
+
+        class Scale:
+            pick, place, transport = table.pick, table.place, table.transport
+
+            def weight(self, says: object = says) -> float | None:
+                return says  # type: ignore[return-value]
+
+        assert Hands(robot=Scale(), camera=table).weight() == heard
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Says:
+    """A policy that says one thing."""
+
+    name: ClassVar[str] = "says"
+    needs_depth: ClassVar[bool] = False
+
+    what: object
+
+    def next(self, sight: Sight, state: object | None, random: np.random.Generator) -> Decision:
+        return self.what  # type: ignore[return-value]
+
+
+PICK = Pick(pose=Pose(x=30, y=30))
+
+
+@pytest.mark.parametrize(
+    "nonsense",
+    [
+        None,
+        Decision(actions=(PICK,)),
+        Decision(actions=(Transport(),)),
+        Decision(actions=(PICK, Transport(), PICK, Transport())),
+        Decision(actions=("pick", "transport")),  # type: ignore[arg-type]
+        Decision(actions=trip(Pose(x=1e6, y=30))),
+        Decision(actions=trip(Pose(x=30, y=-1))),
+        Decision(actions=(PICK, Place(x=float("nan"), y=3), PICK, Transport())),
+    ],
+)
+def test_a_policy_that_talks_nonsense_is_stood_in_for(nonsense: object) -> None:
+    table = faulty()
+    events = run(table, Says(what=nonsense))
+    assert ending(events) is Reason.CLEAR
+    assert count(events, PolicyFailed) == count(events, Decided)
+    assert all(0 <= pose.x < 120 and 0 <= pose.y < 60 for pose in table.tried)
+
+
+@pytest.mark.parametrize("error", [InvalidSettings("x"), UnknownName("x"), MissingDependency("x")])
+def test_a_policy_that_is_set_up_wrongly_moves_nothing(error: Exception) -> None:
+    class Wrong(Says):
+        def next(self, sight: Sight, state: object | None, random: np.random.Generator) -> Decision:
+            raise error
+
+    table = faulty()
+    with pytest.raises(type(error)):
+        run(table, Wrong(what=None))
+    assert table.tried == []
+
+
+def test_a_table_may_have_to_be_quite_clear() -> None:
+    assert ending(run(small_table(), patience=Patience(clear_cm2=0.0))) is Reason.CLEAR
+
+
+def test_stopping_early_leaves_nothing_running() -> None:
+    table, before = small_table(), threading.active_count()
+    events = declutter(table, table, Segment(), eyes=EYES, patience=Patience(watchdog=1e12))
+    for event in events:
+        if isinstance(event, Moved):
+            break
+    events.close()  # type: ignore[attr-defined]
+    assert threading.active_count() == before
+
+
+def test_a_seed_below_zero_is_named() -> None:
+    with pytest.raises(InvalidSettings, match="seed"):
+        run(small_table(), seed=-1)
 
 
 def test_the_ledger_counts_what_happened() -> None:

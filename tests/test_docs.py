@@ -17,7 +17,11 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("**/*.md"))
 SHOWN = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-NEEDS = {"index.md": ("cv2", "skimage", "matplotlib"), "extending.md": ("cv2", "skimage")}
+NEEDS = {
+    "index.md": ("cv2", "skimage", "matplotlib"),
+    "extending.md": ("cv2", "skimage"),
+    "robot.md": ("cv2", "skimage", "matplotlib"),
+}
 """Packages beyond the core that a page's examples use."""
 
 pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="docs/ is not in an installed package")

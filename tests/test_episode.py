@@ -149,6 +149,24 @@ def test_a_folder_of_another_run_is_not_written_to(tmp_path: Path) -> None:
         Recorder(tmp_path, Header(policy="random"))
 
 
+def test_a_file_of_another_making_is_not_cut(tmp_path: Path) -> None:
+    (tmp_path / LOG).write_text("my notes")
+    with pytest.raises(InvalidResult, match="use a new folder"):
+        Recorder(tmp_path, Header(policy="random"))
+    assert (tmp_path / LOG).read_text() == "my notes"
+
+
+def test_a_record_that_was_cut_in_its_first_line_begins_anew(tmp_path: Path) -> None:
+    header = Header(policy="random", options={"baskets": ("white", "dark")})
+    for kept in (None, 0, 30):
+        if kept is not None:
+            whole = (tmp_path / LOG).read_bytes()
+            (tmp_path / LOG).write_bytes(whole[:kept])
+        with Recorder(tmp_path, header):
+            pass
+        assert read_header(tmp_path).options == {"baskets": ["white", "dark"]}
+
+
 @pytest.mark.parametrize(
     ("line", "match"),
     [
@@ -158,6 +176,10 @@ def test_a_folder_of_another_run_is_not_written_to(tmp_path: Path) -> None:
         ('{"event": "Moved", "weight": null}', "got no 'action'"),
         ('{"event": "Ended", "reason": "bored", "message": ""}', "bored"),
         ('{"event": "Captured", "cloth": 1, "image": "../x.png", "depth": null}', "a file"),
+        ('{"event": "Judged", "poses": [], "emptier": true, "changed": true, "cloth": 1e999}', "infinity"),
+        ('{"event": "Moved", "action": {"action": "pick", "x": 1e999, "y": 1, "theta": 0}, "weight": 1}', "finite"),
+        ('{"event": "Captured", "cloth": 1, "image": "gone.png", "depth": null}', "gone.png"),
+        ('{"event": "Captured", "cloth": 1, "image": "..", "depth": null}', "expected an event"),
         ('{"event": "Captured", "cloth": 1, "image": 7, "depth": null}', "a file"),
         ('{"event": "Moved", "action": {"action": "pick", "x": "left", "y": 1, "theta": 0}, "weight": 1}', "left"),
     ],

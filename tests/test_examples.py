@@ -93,6 +93,10 @@ def test_plans_and_trips_are_served(photo: Path) -> None:
         ({"do": "plan", "labels": [[1, 1], [1]]}, "all of one length"),
         ({"do": "plan", "labels": [["a"]]}, "labels"),
         ({"do": "plan", "labels": []}, "labels"),
+        ('{"do": "plan", "labels": [[1]], "time": NaN}', "no number NaN"),
+        ('{"do": "plan", "labels": [[1]], "pixels_per_cm": 1e999}', "ordinary size"),
+        ('{"do": "plan", "labels": [[1]], "time": 1' + "0" * 400 + "}", "ordinary size"),
+        ('{"do": "policies", "id": 1e999}', "id: expected"),
         ({"do": "plan", "labels": [[1]], "time": "long"}, 'time: expected a number, got "long"'),
         ({"do": "plan", "labels": [[1]], "tiem": 3}, "unknown name 'tiem'"),
         ({"do": "plan", "labels": [[1]], "backend": "higs"}, "did you mean 'highs'"),
@@ -103,6 +107,7 @@ def test_plans_and_trips_are_served(photo: Path) -> None:
         ({"do": "next", "policy": "segmnet", "image": "x"}, "did you mean 'segment'"),
         ({"do": "next", "policy": "segment", "image": "x", "settings": {"pionts": 3}}, "did you mean 'points'"),
         ({"do": "next", "policy": "segment", "image": "x", "settings": []}, '"settings"'),
+        ({"do": "next", "policy": "segment", "image": "x", "failed": [None]}, "failed: expected [x, y], got null"),
         ({"do": "next", "policy": "segment"}, "image: expected text, got null"),
     ],
 )
@@ -118,9 +123,9 @@ def test_the_program_writes_answers_and_nothing_else(photo: Path) -> None:
     requests = ["nonsense", json.dumps({"id": 1, "do": "next", "policy": "height", "image": str(photo)}), '{"do": "quit"}']
     done = subprocess.run(
         [sys.executable, str(EXAMPLES / "json_lines.py")],
-        input="\n".join(requests), capture_output=True, text=True, check=True,
+        input=b"\xff\xfe\n" + "\n".join(requests).encode(), capture_output=True, check=True,
     )  # fmt: skip
     answers = [json.loads(line) for line in done.stdout.splitlines()]
-    assert [answer["ok"] for answer in answers] == [False, False]
-    assert "expected depth" in answers[1]["error"]
-    assert done.stderr == ""
+    assert [answer["ok"] for answer in answers] == [False, False, False]
+    assert "expected depth" in answers[2]["error"]
+    assert done.stderr == b""

@@ -10,6 +10,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Iterator
@@ -270,6 +271,8 @@ def test_the_command_sorts_and_prints_json(tmp_path: Path) -> None:
         (("--policy", "segmnet"), "did you mean 'segment'"),
         (("--policy", "segment", "--set-policy", "pionts=3"), "did you mean 'points'"),
         (("--policy", "segment", "--set-policy", "points=0"), "points"),
+        (("--policy", "segment", "--set-policy", "backend=higs"), "did you mean 'highs'"),
+        (("--policy", "segment", "--baskets", "white,red"), "unknown class of laundry 'red'"),
         (("--segmenter", "sma"), "did you mean 'sam'"),
         (("--predictor", "/nowhere.json"), "no such file"),
         (("--empty-below", "-1"), "empty_kilograms"),
@@ -334,7 +337,13 @@ def test_a_cluster_loses_nothing_when_a_worker_is_killed(tmp_path: Path) -> None
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(killed[0], signal.SIGKILL)
 
-        run_all(listed, store, lambda: cluster(workers.scheduler_address), kill_one)
+        def everything() -> None:
+            run_all(listed, store, lambda: cluster(workers.scheduler_address), kill_one)
+
+        # A scheduler whose workers never come back waits for ever: that shall fail, not hang.
+        running = threading.Thread(target=everything, daemon=True)
+        running.start()
+        running.join(timeout=150)
         assert killed
         assert sorted(done) == sorted((trial.policy, trial.seed) for trial in listed)
         for trial in listed[:2]:

@@ -160,8 +160,8 @@ def test_depth_of_another_size_is_refused(tmp_path: Path) -> None:
         Depth.of(np.ones((6, 8))).heights(grid)
     with pytest.raises(InvalidSettings, match="tolerance"):
         Depth(image=np.ones((6, 8)), tolerance=-1)
-    for wrong in ((0.0, 0.0, 0.0), (np.nan, 0.0, 0.0)):
-        with pytest.raises(InvalidSettings, match="table: expected three finite numbers"):
+    for wrong in ((0.0, 0.0, 0.0), (np.nan, 0.0, 0.0), (1e300, 0.0, 0.0), (1.0, 0.0, -1e10)):
+        with pytest.raises(InvalidSettings, match=r"table: expected three numbers of at most 1e\+09"):
             TablePlane(offset=wrong[0], slope_x=wrong[1], slope_y=wrong[2])
     with pytest.raises(InvalidSettings, match="table: expected a positive distance"):
         TablePlane.level(-1)

@@ -325,6 +325,11 @@ def test_settings_are_checked_and_named() -> None:
     ):  # fmt: skip
         with pytest.raises(InvalidSettings, match=next(iter(options))):
             registry.policy(name, options)
+    for option in ("backend", "formulation"):
+        with pytest.raises(UnknownName, match=f"unknown {option} 'higs'"):
+            registry.policy("hybrid-height", {option: "higs"})
+    with pytest.raises(InvalidSettings, match="candidates"):
+        registry.policy("segment-replan", {"candidates": "all"})
     with pytest.raises(UnknownName, match="did you mean 'points'"):
         registry.policy("segment", {"pionts": "3"})
     assert registry.policy("segment-replan", {"points": "7"}).cycle.seconds == 2.0  # type: ignore[attr-defined]

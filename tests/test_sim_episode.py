@@ -54,7 +54,8 @@ def test_a_plan_from_pictures_clears_the_table() -> None:
     assert world.seconds() > 0
 
 
-def test_garments_are_gathered_on_film(tmp_path: Path) -> None:
+def test_garments_are_gathered_on_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pscover.experiment.filming.FRAMES", 1.0)
     world = apart(TRUTH)
     with filmed(world, "consolidation", tmp_path / "gathered.gif") as note:
         events = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -12,6 +13,7 @@ import pytest
 
 import pscover
 from pscover import Instance, Result, Status
+from pscover.certificate import Certificate, Prices
 from pscover.verify import Verdict, verify
 
 INSTANCE = Instance.of([[0.8, 0.0, 0.75], [0.0, 0.9, 0.75]], required=0.7, conflicts=[(0, 2)])
@@ -56,6 +58,17 @@ def test_an_honest_result_passes() -> None:
 )
 def test_every_lie_is_found_where_it_is(lie: dict[str, Any], where: list[str]) -> None:
     assert _failed(replace(HONEST, **lie)) == where
+
+
+@pytest.mark.parametrize("status", [Status.OPTIMAL, Status.FEASIBLE])
+@pytest.mark.parametrize("bound", [1.5, math.inf])
+def test_a_bound_above_the_plan_is_a_lie_whatever_is_certified(status: Status, bound: float) -> None:
+    entry = np.zeros(INSTANCE.probability.nnz, dtype=np.int64)
+    entry[INSTANCE.probability.indices == 0] = 1
+    prices = Prices(entry=entry, unit=np.zeros(2, dtype=np.int64))
+    proven = replace(HONEST, certificate=Certificate(units=10, scale=1, proof=prices))
+    assert verify(INSTANCE, proven).certified == HONEST.objective
+    assert _failed(replace(proven, status=status, bound=bound)) == ["status"]
 
 
 def test_products_are_compared_as_fractions() -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pscover.errors import InvalidResult
 from pscover.execution.episode import LOG, events
 from pscover.execution.events import Captured, Decided, Judged, MotionFailed, Moved
-from pscover.policy import Pick, Transport
+from pscover.policy import Pick
 from pscover.robot import Frame, Pose
 from pscover.scene import Scene
 from pscover.seen import Seen
@@ -89,8 +89,9 @@ def _of_record(folder: Path) -> Iterator[Logged]:
     for event in events(folder):
         match event:
             case Captured():
-                before, after = after, event.frame
+                after = event.frame
             case Decided():
+                before = after
                 picks = [action for action in event.actions if isinstance(action, Pick)]
                 seen = event.seen if len(picks) == 1 else None
                 pose = None
@@ -101,11 +102,14 @@ def _of_record(folder: Path) -> Iterator[Logged]:
             case Judged() if seen is not None and pose is not None and before is not None and after is not None:
                 yield _grasp(str(folder), seen, pose, before, after)
                 seen = None
-            case Moved(action=Transport()) | _:
+            case _:
                 pass
 
 
 def _grasp(episode: str, seen: Seen, pose: Pose, before: Frame, after: Frame) -> Logged:
+    if not before.shape == after.shape == seen.grid.photo_shape:
+        shapes = f"{before.shape}, {after.shape} and {seen.grid.photo_shape}"
+        raise InvalidResult(f"{episode}: expected pictures and labels of one shape, got {shapes}")
     difference = before.rgb.astype(np.float32) - after.rgb
     changed = seen.grid.nearest((difference**2).mean(axis=2) > CHANGED)
     scene = seen.scene
@@ -114,7 +118,8 @@ def _grasp(episode: str, seen: Seen, pose: Pose, before: Frame, after: Frame) ->
     heights = None
     if before.depth is not None:
         known = np.where(np.isfinite(before.depth) & (before.depth > 0), before.depth, np.nan)
-        heights = seen.grid.nearest(np.nanmax(known) - known)
+        farthest = known.max(initial=-np.inf, where=np.isfinite(known))
+        heights = seen.grid.nearest(farthest - known) if np.isfinite(farthest) else None
     return Logged(
         episode=episode,
         scene=scene,

@@ -67,8 +67,7 @@ def command(
     require_distinct(output, figure)
     require_writable(output, suffixes=(".json",))
     require_writable(figure, suffixes=(".png", ".svg", ".pdf"))
-    places = folders(records)
-    grasps = list(logged(places))
+    grasps = list(logged(folders(records)))
     fitting, testing = split(grasps, held_out, seed)
     ellipse = fit_ellipse(fitting)
     fitted = {"paper": PAPER, "ellipse": ellipse, "logistic": fit_logistic(fitting, ellipse)}
@@ -76,7 +75,8 @@ def command(
     tested = {name: pairs(testing, predictor) for name, predictor in fitted.items()}
     chosen = min(("ellipse", "logistic"), key=lambda name: tested[name].log_loss) if model == "best" else model
     write_bytes(output, msgspec.json.format(msgspec.json.encode(fitted[chosen]), indent=2) + b"\n")
-    _print(fitted, trained, tested, chosen, len(places), len(grasps), as_json=as_json)
+    episodes = len({grasp.episode for grasp in grasps})
+    _print(fitted, trained, tested, chosen, episodes, len(grasps), as_json=as_json)
     if figure is not None:
         from pscover.figures.reliability import save_reliability_figure
 

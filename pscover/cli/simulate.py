@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -108,7 +109,7 @@ def command(
 
     chosen = _chosen(policies)
     if baskets:
-        options = (*options, ("baskets", "[" + ",".join(f'"{name}"' for name in baskets) + "]"))
+        options = (*options, ("baskets", json.dumps(_classes(baskets))))
     _check_options(chosen, options)
     base = Trial(
         policy=chosen[0],
@@ -165,6 +166,16 @@ def _chosen(policies: tuple[str, ...]) -> list[str]:
 
     asked = registry.names("policy") if ALL in policies else policies
     return list(dict.fromkeys(registry.lookup("policy", name).name for name in asked))
+
+
+def _classes(baskets: tuple[str, ...]) -> tuple[str, ...]:
+    from pscover.errors import UnknownName
+    from pscover.execution.sorting import CLASSES
+
+    for name in baskets:
+        if name not in CLASSES:
+            raise UnknownName.among("class of laundry", name, CLASSES)
+    return tuple(dict.fromkeys(baskets))
 
 
 def _check_options(chosen: Sequence[str], options: Sequence[tuple[str, str]]) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pscover.errors import InvalidSettings, PscoverError
+from pscover.errors import InvalidImage, InvalidSettings, MissingDependency, PscoverError, UnknownName
 from pscover.execution.events import (
     Captured,
     Decided,
@@ -28,6 +28,7 @@ from pscover.execution.events import (
 from pscover.execution.hands import Hands, Hung
 from pscover.execution.ledger import Ledger
 from pscover.execution.sight import Eyes, PhotoEyes, Sight
+from pscover.execution.sound import check_decision
 from pscover.policies._blind import anywhere
 from pscover.policies._cycle import change
 from pscover.policy import Decision, Pick, Place, Policy, Transport, trip
@@ -92,6 +93,9 @@ class Patience:
         for name in ("most_transports", "stalled_trips", "tries", "captures", "failures", "watchdog"):
             if not getattr(self, name) > 0:
                 raise InvalidSettings(f"{name}: expected a positive number, got {getattr(self, name)!r}")
+        for name in ("tries", "captures"):
+            if not isinstance(getattr(self, name), int):
+                raise InvalidSettings(f"{name}: expected a whole number, got {getattr(self, name)!r}")
 
 
 PATIENCE = Patience()
@@ -111,14 +115,16 @@ def declutter(
 
     A picture is taken, the policy decides on a trip, the robot makes it, and the next picture says what came of it.
     What a robot or a camera reports as `RobotFailed` ends neither the run nor the trip; any other exception of theirs
-    is the caller's and passes through. Between any two events the caller may stop by not asking for the next.
+    is the caller's and passes through. Between any two events the caller may stop by not asking for the next: nothing is
+    left running then, and the robot holds what it held.
 
     Parameters
     ----------
     robot, camera
         One's own, or those of a simulation.
     policy
-        Who decides. If it raises a `PscoverError`, or sees nothing to do where cloth lies, a random grasp stands in.
+        Who decides. If it raises a `PscoverError`, sees nothing to do where cloth lies, or decides on something that is no
+        trip, a random grasp stands in.
     eyes
         What looks at the frames; by default `PhotoEyes()`.
     patience
@@ -133,6 +139,11 @@ def declutter(
     Event
         As they happen; the last is `Ended`.
 
+    Raises
+    ------
+    InvalidSettings, UnknownName, MissingDependency
+        If the policy cannot work as it is set up, for then no other picture helps.
+
     Examples
     --------
     >>> from pscover.policies.segment import Segment
@@ -142,6 +153,8 @@ def declutter(
     >>> str(events[-1].reason), sorted(label for _, label in table.baskets)
     ('clear', [1, 2, 3])
     """
+    if seed < 0:
+        raise InvalidSettings(f"seed: expected a whole number of at least 0, got {seed!r}")
     run = _Run(
         hands=Hands(robot=robot, camera=camera, seconds=patience.watchdog),
         policy=policy,
@@ -179,25 +192,42 @@ class _Run:
     def events(self) -> Iterator[Event]:
         try:
             yield from self._look()
+            self._check_depth()
             while self.frame is not None:
                 sight = self._sight(self.frame)
                 reason = self._reason_to_end(sight)
-                if reason is None and not sight.free.any():
-                    yield Retried()
-                    sight = self._sight(self.frame)
                 if reason is not None:
                     yield Ended(reason=reason, message=self._told())
                     return
-                decision = yield from self._decide(sight)
                 before, cloth = self.frame, self.cloth
-                yield from self._move(decision)
-                yield from self._look()
-                yield from self._check_scale(cloth, decision)
+                yield from self._trip(sight)
                 if self.frame is not None:
                     yield self._judge(before, cloth)
             yield Ended(reason=Reason.BLIND, message=f"asked {self.patience.captures} times")
         except Hung as hung:
             yield Ended(reason=Reason.HUNG, message=str(hung))
+
+    def _check_depth(self) -> None:
+        if self.frame is not None and self.frame.depth is None and self.policy.needs_depth:
+            raise InvalidSettings(
+                f"policy {self.policy.name!r}: expected frames with depth, got none; use one that needs no depth camera"
+            )
+
+    def _trip(self, sight: Sight) -> Iterator[Event]:
+        cloth, undelivered = self.cloth, self.ledger.undelivered
+        if self._is_clear() and undelivered is not None:
+            # The last of it is in the gripper.
+            self.tried = []
+            yield from self._carry(undelivered)
+            yield from self._look()
+            return
+        if not sight.free.any():
+            yield Retried()
+            sight = self._sight(sight.frame)
+        decision = yield from self._decide(sight)
+        yield from self._move(decision)
+        yield from self._look()
+        yield from self._check_scale(cloth, decision)
 
     def _sight(self, frame: Frame) -> Sight:
         failed = self.ledger.given_up(self.patience.tries)
@@ -205,18 +235,24 @@ class _Run:
 
     def _reason_to_end(self, sight: Sight) -> Reason | None:
         patience, ledger = self.patience, self.ledger
-        if self.cloth < self._square_pixels(patience.clear_cm2):
+        if self._is_clear() and ledger.undelivered is None:
             return Reason.CLEAR
         if ledger.transports >= patience.most_transports:
             return Reason.LIMIT
         if ledger.failures_in_row >= patience.failures:
             return Reason.BROKEN
-        if ledger.stalled >= patience.stalled_trips or (not sight.free.any() and ledger.retries >= patience.retries):
+        if ledger.stalled >= patience.stalled_trips:
+            return Reason.STUCK
+        if not self._is_clear() and not sight.free.any() and ledger.retries >= patience.retries:
             return Reason.STUCK
         return None
 
+    def _is_clear(self) -> bool:
+        return self.cloth == 0 or self.cloth < self._square_pixels(self.patience.clear_cm2)
+
     def _told(self) -> str:
-        return f"{self.ledger.transports} transports, {self.cloth} pixels of cloth left"
+        held = "" if self.ledger.undelivered is None else ", the last trip did not reach the basket"
+        return f"{self.ledger.transports} transports, {self.cloth} pixels of cloth left{held}"
 
     def _square_pixels(self, cm2: float) -> float:
         return cm2 * self.eyes.pixels_per_cm**2
@@ -228,13 +264,13 @@ class _Run:
         for _ in range(self.patience.captures):
             try:
                 frame = self.hands.capture()
-            except RobotFailed as problem:
+                if shape is not None and frame.shape != shape:
+                    raise RobotFailed(f"expected a frame of shape {shape}, as before, got {frame.shape}")
+                self.cloth = int(np.count_nonzero(self.eyes.cloth(frame)))
+            except (RobotFailed, InvalidImage) as problem:
                 yield FrameLost(message=str(problem))
                 continue
-            if shape is not None and frame.shape != shape:
-                yield FrameLost(message=f"expected a frame of shape {shape}, as before, got {frame.shape}")
-                continue
-            self.frame, self.cloth = frame, int(np.count_nonzero(self.eyes.cloth(frame)))
+            self.frame = frame
             yield Captured(frame=frame, cloth=self.cloth)
             return
 
@@ -244,6 +280,9 @@ class _Run:
         name = self.policy.name
         try:
             decision = self.policy.next(sight, self.state, random)
+            check_decision(decision, sight.frame.shape)
+        except (InvalidSettings, UnknownName, MissingDependency):
+            raise
         except PscoverError as problem:
             decision = Decision(actions=())
             yield PolicyFailed(message=str(problem))

@@ -88,14 +88,17 @@ class Recorder:
 
     def _opened(self) -> tuple[BinaryIO, int]:
         path = self.folder / LOG
-        lines, length = _whole_lines(path) if path.exists() else ([], 0)
-        if lines and read_header(self.folder) != self.header:
+        first = _line({"schema": SCHEMA, **_header_document(self.header)})
+        content = read_bytes(path, BYTE_LIMIT, InvalidResult) if path.exists() else b""
+        lines, length = _whole_lines(content)
+        is_same = lines[0] + b"\n" == first if lines else first.startswith(content)
+        if not is_same:
             raise InvalidResult(f"{path}: expected the record of the same run, got that of another; use a new folder")
         file = path.open("r+b" if path.exists() else "x+b")
         file.truncate(length)
         file.seek(length)
         if not lines:
-            self._line(file, {"schema": SCHEMA, **_header_document(self.header)})
+            _append(file, first)
         return file, max(0, len(lines) - 1)
 
     def write(self, event: Event) -> None:
@@ -107,7 +110,7 @@ class Recorder:
             If the disk is full.
         """
         try:
-            self._line(self._file, encoded(event, self.folder, self._number))
+            _append(self._file, _line(encoded(event, self.folder, self._number)))
         except OSError as problem:
             raise PscoverError(f"{self.folder}: cannot be written: {problem.strerror}") from None
         self._number += 1
@@ -122,11 +125,15 @@ class Recorder:
     def __exit__(self, *problem: object) -> None:
         self.close()
 
-    @staticmethod
-    def _line(file: BinaryIO, document: dict[str, Any]) -> None:
-        file.write(json.dumps(document, allow_nan=False).encode() + b"\n")
-        file.flush()
-        os.fsync(file.fileno())
+
+def _line(document: dict[str, Any]) -> bytes:
+    return json.dumps(document, allow_nan=False).encode() + b"\n"
+
+
+def _append(file: BinaryIO, line: bytes) -> None:
+    file.write(line)
+    file.flush()
+    os.fsync(file.fileno())
 
 
 def _header_document(header: Header) -> dict[str, Any]:
@@ -138,16 +145,15 @@ def _header_document(header: Header) -> dict[str, Any]:
     }
 
 
-def _whole_lines(path: Path) -> tuple[list[bytes], int]:
+def _whole_lines(content: bytes) -> tuple[list[bytes], int]:
     """The lines that were written to their end, and the bytes that they fill."""
-    content = read_bytes(path, BYTE_LIMIT, InvalidResult)
     length = content.rfind(b"\n") + 1
     return content[:length].splitlines(), length
 
 
 def _documents(folder: str | PathLike[str]) -> Iterator[tuple[int, dict[str, Any]]]:
     path = Path(folder) / LOG
-    for number, line in enumerate(_whole_lines(path)[0], start=1):
+    for number, line in enumerate(_whole_lines(read_bytes(path, BYTE_LIMIT, InvalidResult))[0], start=1):
         try:
             document = json.loads(line)
         except (ValueError, RecursionError):
@@ -173,7 +179,7 @@ def read_header(folder: str | PathLike[str]) -> Header:
 
     try:
         return msgspec.convert({key: value for key, value in first.items() if key != "schema"}, type=Header)
-    except msgspec.ValidationError as problem:
+    except (msgspec.ValidationError, UnicodeError) as problem:
         raise InvalidResult(f"{path}, line 1: {problem}") from None
 
 

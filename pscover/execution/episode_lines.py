@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -81,7 +80,7 @@ def decoded(document: dict[str, Any], folder: Path, place: str) -> Event:
     """
     try:
         return READERS[document["event"]](document, folder)
-    except (KeyError, TypeError, ValueError, msgspec.ValidationError) as problem:
+    except (KeyError, TypeError, ValueError, OverflowError) as problem:
         what = f"no {problem}" if isinstance(problem, KeyError) else str(problem)
         raise InvalidResult(f"{place}: expected an event, got {what}") from None
 

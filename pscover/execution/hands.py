@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import numbers
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from pscover.errors import InvalidSettings
+from pscover.errors import InvalidImage, InvalidSettings
 from pscover.policy import Action, Pick, Place
 from pscover.robot import Camera, Frame, Robot, RobotFailed, Sorter
 
@@ -69,7 +70,7 @@ class Hands:
             weight: Any = self._called(self.robot.weight, "weight")
         except RobotFailed:
             return None
-        is_number = isinstance(weight, int | float) and not isinstance(weight, bool)
+        is_number = isinstance(weight, numbers.Real) and not isinstance(weight, bool)
         return float(weight) if is_number and 0 <= weight < math.inf else None
 
     def capture(self) -> Frame:
@@ -78,13 +79,18 @@ class Hands:
         Raises
         ------
         RobotFailed
-            As the camera does, or if it gives something else.
+            As the camera does, if it gives something else, or if the picture is black: that shows no clear table.
         Hung
             If it took too long.
         """
-        frame: Any = self._called(self.camera.capture, "capture")
+        try:
+            frame: Any = self._called(self.camera.capture, "capture")
+        except InvalidImage as problem:
+            raise RobotFailed(f"capture: {problem}") from problem
         if not isinstance(frame, Frame):
             raise RobotFailed(f"capture: expected a Frame, got {type(frame).__name__}")
+        if not frame.rgb.any():
+            raise RobotFailed("capture: expected a picture, got a black one")
         return frame
 
     def _called(self, call: Callable[[], T], what: str) -> T:
@@ -115,7 +121,7 @@ def within(call: Callable[[], T], seconds: float, what: str) -> T:
 
     thread = threading.Thread(target=run, name=f"pscover {what}", daemon=True)
     thread.start()
-    thread.join(seconds)
+    thread.join(min(seconds, threading.TIMEOUT_MAX))
     if raised:
         raise raised[0]
     if not done:

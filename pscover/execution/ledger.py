@@ -42,6 +42,8 @@ class Ledger:
         How often all places were tried again.
     trusts_scale
         Whether the robot's weights are believed.
+    undelivered
+        The transport that failed, as long as nothing has moved since: what it was to take away is still held.
     """
 
     decisions: int = 0
@@ -56,6 +58,7 @@ class Ledger:
     stalled: int = 0
     retries: int = 0
     trusts_scale: bool = True
+    undelivered: Transport | None = None
 
     def after(self, event: Event, same_place: float) -> Ledger:
         """The ledger with one more event; grasps closer than `same_place` pixels are at the same place.
@@ -76,7 +79,9 @@ class Ledger:
             case Moved():
                 return self._moved(event)
             case MotionFailed():
-                return replace(self, failures=self.failures + 1, failures_in_row=self.failures_in_row + 1)
+                held = event.action if isinstance(event.action, Transport) else self.undelivered
+                failures, in_row = self.failures + 1, self.failures_in_row + 1
+                return replace(self, failures=failures, failures_in_row=in_row, undelivered=held)
             case Empty():
                 return replace(self, empties=self.empties + 1)
             case ScaleDoubted():
@@ -91,11 +96,11 @@ class Ledger:
     def _moved(self, event: Moved) -> Ledger:
         match event.action:
             case Pick():
-                return replace(self, picks=self.picks + 1, failures_in_row=0)
+                return replace(self, picks=self.picks + 1, failures_in_row=0, undelivered=None)
             case Place():
-                return replace(self, places=self.places + 1, failures_in_row=0)
+                return replace(self, places=self.places + 1, failures_in_row=0, undelivered=None)
             case Transport():
-                return replace(self, transports=self.transports + 1, failures_in_row=0)
+                return replace(self, transports=self.transports + 1, failures_in_row=0, undelivered=None)
 
     def _judged(self, event: Judged, same_place: float) -> Ledger:
         less = event.cloth < self.least_cloth

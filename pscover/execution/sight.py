@@ -195,8 +195,9 @@ class Sight:
 
     @cached_property
     def heights(self) -> FloatImage:
-        """Metres above the table."""
-        return self.eyes.heights(self.frame)
+        """Metres above the table; 0 where the eyes do not know."""
+        heights = self.eyes.heights(self.frame)
+        return np.where(np.isfinite(heights), heights, np.float32(0))
 
     @cached_property
     def classes(self) -> tuple[str, ...]:

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from pscover.errors import InvalidSettings
 from pscover.seen import Seen
 
+CLASSES = ("white", "dark", "coloured")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ByColour:

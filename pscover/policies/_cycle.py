@@ -9,10 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pscover import registry
 from pscover.errors import InvalidSettings
 from pscover.execution.sight import Sight
 from pscover.grasping.calibrated import Calibrated
@@ -97,6 +99,8 @@ class Cycle:
     ------
     InvalidSettings
         If a number is outside its domain.
+    UnknownName
+        If there is no such backend or formulation.
     """
 
     candidates: Candidates = "sampled"
@@ -113,7 +117,9 @@ class Cycle:
     predictor: Calibrated | None = None
 
     def __post_init__(self) -> None:
+        kinds = get_args(Candidates)
         checks = (
+            ("candidates", self.candidates in kinds, f"one of {', '.join(kinds)}", self.candidates),
             ("points", self.points >= 1, "a whole number of at least 1", self.points),
             ("orientations", self.orientations >= 1, "a whole number of at least 1", self.orientations),
             ("required", 0 <= self.required < 1, "a number in [0, 1)", self.required),
@@ -125,6 +131,9 @@ class Cycle:
         for name, good, expected, got in checks:
             if not good:
                 raise InvalidSettings(f"{name}: expected {expected}, got {got!r}")
+        # A wrong name would otherwise be found out by the first plan, in front of the robot.
+        registry.lookup("backend", self.backend)
+        registry.lookup("formulation", self.formulation)
 
     def left(self, sight: Sight, state: object | None) -> tuple[Pending | None, tuple[Skip, ...]]:
         """What is left of a plan under the picture of now, and which grasps are given up."""

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from pscover.errors import InvalidSettings
 from pscover.execution.sight import Sight
 from pscover.policies._cycle import Cycle, Pending, pending
 from pscover.policies._kept import plan_from
@@ -25,7 +26,12 @@ class SegmentReplan:
     Parameters
     ----------
     cycle
-        How to plan; here `seconds` is the budget of each grasp.
+        How to plan; here `seconds` is the budget of each grasp. Its candidates are sampled: what is left joins the draw.
+
+    Raises
+    ------
+    InvalidSettings
+        If other candidates are asked for.
 
     Examples
     --------
@@ -41,6 +47,10 @@ class SegmentReplan:
     needs_depth: ClassVar[bool] = False
 
     cycle: Cycle = BUDGETED
+
+    def __post_init__(self) -> None:
+        if self.cycle.candidates != "sampled":
+            raise InvalidSettings(f"candidates: expected 'sampled' for {self.name!r}, got {self.cycle.candidates!r}")
 
     def next(self, sight: Sight, state: object | None, random: np.random.Generator) -> Decision:
         """The first grasp of the new plan."""
