@@ -162,7 +162,7 @@ def plan(
         Engine and model, by name or made by hand.
     time
         Seconds from the call, perception and candidates included, after which the best plan so far is returned.
-        Perception itself is not cut short.
+        Perception and the drawing of candidates are not cut short.
     gap, threads, seed
         See `pscover.result.Settings`; the seed also is that of the draw.
     observe

@@ -230,16 +230,16 @@ def _status(evidence: Evidence, formulation: Formulation, result: Result, certif
         return Check("status", verdict, "the plan is feasible" if evidence.is_feasible else claim)
     if result.has_plan and not evidence.is_feasible:
         return Check("status", Verdict.FAILED, f"{claim} is reported, but the plan misses a requirement")
+    objective = float(evidence.value[0])
+    slack = VALUE_TOLERANCE * max(1.0, abs(objective))
+    if result.has_plan and result.bound > objective + slack:
+        return Check("status", Verdict.FAILED, f"the bound {result.bound:.10g} is above the plan's {objective:.10g}")
     if certified is not None and result.has_plan and certified >= evidence.value[0]:
         return Check("status", Verdict.PASSED, f"{claim}; proven optimal: the certified bound is the plan's objective")
     if result.status is not Status.OPTIMAL:
         return Check("status", Verdict.PASSED, claim)
     if formulation.relation is Relation.RESTRICTION:
         return Check("status", Verdict.FAILED, "optimal is reported, but the formulation is a restriction")
-    objective = float(evidence.value[0])
-    slack = VALUE_TOLERANCE * max(1.0, abs(objective))
-    if result.bound > objective + slack:
-        return Check("status", Verdict.FAILED, f"the bound {result.bound:.10g} is above the plan's {objective:.10g}")
     if objective - result.bound <= result.settings.gap * abs(objective) + formulation.tolerance + slack:
         return Check("status", Verdict.UNCHECKED, f"optimal by the engine's bound {result.bound:.10g}, {_lack(certified)}")
     return Check("status", Verdict.FAILED, f"optimal is reported with a bound of {result.bound:.10g}")

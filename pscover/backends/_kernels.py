@@ -19,6 +19,8 @@ LONGEST, SHORTEST = 0.5, 0.05
 """Seconds for a certificate, at most and where the proof took none."""
 PAUSE = 2e-3
 """Seconds between two looks at whether the kernels are ready."""
+MOST_LOADING = 5.0
+"""Seconds that loading kernels takes at most, on a slow machine."""
 MOVES = 2000
 """Most repair moves in numpy."""
 
@@ -57,18 +59,27 @@ def plain_plan(form: CoverForm, session: Session) -> IntArray | None:
 
 
 def compiled_plan(form: CoverForm, session: Session) -> IntArray | None:
-    """A plan by the compiled greedy choice and a short search, for packing rows that are cliques."""
+    """A plan by the compiled greedy choice and a short search, for packing rows that are cliques; kernels must be ready."""
     from pscover.engine.hunt import Hunt
     from pscover.engine.problem import problem_of
 
-    if not await_kernels(session):
-        return None
     problem, columns = problem_of(form)
     hunt = Hunt(problem, session.settings.seed, least_step(problem.cost))
     hunt.begin()
     while not session.over() and not math.isfinite(hunt.cost) and hunt.moves < MOVES * 50:
         hunt.turn()
     return columns[hunt.plan] if math.isfinite(hunt.cost) else None
+
+
+def are_loaded_within(seconds: float, session: Session) -> bool:
+    """Wait at most so long for the kernels; whether they are ready."""
+    from pscover.engine.warm import warming
+
+    warm, end = warming(), session.seconds + min(seconds, MOST_LOADING)
+    while not warm.wait(PAUSE):
+        if session.over() or session.seconds > end:
+            return False
+    return warm.error is None
 
 
 def certifying(session: Session) -> float:

@@ -21,13 +21,15 @@ from pscover.result import Answer, Observer, Progress, Settings, Status
 
 from ._course import Course
 from ._cover import Search, hopeless_rows
-from ._kernels import compiled_plan, plain_plan
+from ._kernels import are_loaded_within, compiled_plan, plain_plan
 from ._session import Session
 
 IntArray = NDArray[np.int32]
 
 LARGE = 10_000
 """Entries of a form from which on a greedy plan is reported before presolve."""
+LOADING = 0.3
+"""The part of the time that loading kernels from disk may take before a greedy plan is made without them."""
 PRESOLVE = 0.1
 """The part of the time that presolve may take."""
 SMALL = 20_000
@@ -133,7 +135,7 @@ def _early_plan(form: CoverForm, session: Session) -> None:
 
     if session.chosen is not None or form.W.nnz <= LARGE:
         return
-    if several(form) is None and (warming().is_done or is_on_disk()):
+    if several(form) is None and (warming().is_done or is_on_disk()) and are_loaded_within(LOADING * session.left, session):
         plan = compiled_plan(form, session)
         if plan is not None:
             session.plan(plan, float(form.c[plan].sum()) + session.model.offset)

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from pscover.errors import InvalidSettings
 from pscover.execution.events import Captured, Decided, Ended, Event, Moved
+from pscover.experiment.cloth_world import ClothWorld
 from pscover.experiment.worlds import World
 from pscover.policy import Pick, Transport
-from pscover.robot import Pose
+from pscover.robot import Frame, Pose
 from pscover.sim.film_strip import Mark, Strip
 
 JAW_CM = 8.5
-FRAMES = 2.0
+FRAMES = 4.0
 """Frames of a second of physics."""
-SHOWN = 0.12
-"""Seconds for which each is shown: about four times as fast."""
+SHOWN = 0.08
+"""Seconds for which each is shown: about three times as fast."""
 READ, END = 1.2, 2.5
 """Seconds for which a new plan, and the end, can be read."""
 
@@ -50,11 +51,9 @@ def filmed(world: World, policy: str, path: Path) -> Iterator[Callable[[Event], 
     PscoverError
         If the file cannot be written.
     """
-    from pscover.experiment.cloth_world import ClothWorld
-
     if not isinstance(world, ClothWorld):
         raise InvalidSettings("film: expected the world 'cloth', got one whose garments do not move")
-    strip = Strip(jaw=JAW_CM * world.eyes.pixels_per_cm, seconds=SHOWN)
+    strip = Strip(jaw=JAW_CM * world.eyes.pixels_per_cm, seconds=SHOWN, aside="basket >")
     story = _Story(strip=strip, policy=policy, world=world)
     with world.cloth.film(strip.show, fps=FRAMES):
         yield story.note
@@ -67,27 +66,28 @@ class _Story:
 
     strip: Strip
     policy: str
-    world: World
+    world: ClothWorld
     planned: dict[Pose, int] = field(default_factory=dict)
+    coming: list[Pose] = field(default_factory=list)
+    """Of the trip under way."""
     trips: int = 0
 
     def note(self, event: Event) -> None:
         match event:
             case Captured():
                 self._caption()
-                if self.trips == 0:
-                    self.strip.show(event.frame)
+                self.strip.show(self._still())
             case Decided():
                 self._decided(event)
             case Moved(action=Pick(pose=pose)):
                 self.planned.pop(pose, None)
-                self._mark(())
+                self._mark()
             case Moved(action=Transport()):
                 self.trips += 1
                 self._caption()
             case Ended():
                 self.planned.clear()
-                self._mark(())
+                self._mark()
                 self.strip.hold(END)
             case _:
                 pass
@@ -99,16 +99,22 @@ class _Story:
         if event.plan is not None:
             poses = (Pose(x=grasp.x, y=grasp.y, theta=grasp.theta) for grasp in event.plan.grasps)
             self.planned = {pose: number for number, pose in enumerate(poses, start=1)}
-        now = [action.pose for action in event.actions if isinstance(action, Pick)]
-        for pose in now:
+        self.coming = [action.pose for action in event.actions if isinstance(action, Pick)]
+        for pose in self.coming:
             self.planned.setdefault(pose, max(self.planned.values(), default=0) + 1)
-        self._mark(now)
+        self._mark()
         if event.plan is not None:
             self.strip.hold(READ)
 
-    def _mark(self, now: Sequence[Pose]) -> None:
-        self.strip.marks = [Mark(number=number, pose=pose, now=pose in now) for pose, number in self.planned.items()]
+    def _mark(self) -> None:
+        marks = (Mark(number=number, pose=pose, now=pose in self.coming) for pose, number in self.planned.items())
+        self.strip.marks = tuple(marks)
 
     def _caption(self) -> None:
         removed = self.world.count().in_basket
-        self.strip.words = f"{self.policy}: {removed} garments in the basket after {self.trips} trips"
+        self.strip.words = f"{self.policy} - garments in the basket: {removed}, trips: {self.trips}"
+
+    def _still(self) -> Frame:
+        """What the camera saw, without its noise: noise would fill the file."""
+        cloth = self.world.cloth
+        return Frame(rgb=cloth.painter.picture(cloth.cloth, cloth.view).rgb())

@@ -20,6 +20,7 @@ from pscover.grasping.ellipse import Ellipse
 from pscover.grasping.partition import Partition, partition
 from pscover.grasping.predictor import Predictor
 from pscover.grasping.sampling import Sampling
+from pscover.instance import TOLERANCE
 from pscover.scene import Scene
 
 FloatArray = NDArray[np.float64]
@@ -49,6 +50,8 @@ class AllPoses:
         For each part, entries of the covering rows, shape (garments of the part, poses of the part), in [0, 1].
     total
         For each part, the sum over garments of what the entries are before truncation, shape (poses of the part,).
+    needed
+        The least that a plan brings to each garment's row, shape (garments,): 1, less what a goal forgives.
     """
 
     pixels: IntArray
@@ -58,6 +61,7 @@ class AllPoses:
     garments: tuple[IntArray, ...]
     worth: tuple[FloatArray, ...]
     total: tuple[FloatArray, ...]
+    needed: FloatArray
 
     def __len__(self) -> int:
         return len(self.pixels) * len(self.angles)
@@ -136,6 +140,7 @@ def all_poses(
         garments=tuple(_wanted(reached, required) for reached in _touched(scene, parts, sampling, predictor)),
         worth=(),
         total=(),
+        needed=needed(required),
     )
     sizes = np.diff(blank.starts())
     entries = sum(len(garments) * int(size) for garments, size in zip(blank.garments, sizes, strict=True))
@@ -235,9 +240,24 @@ def entry(probability: FloatArray, required: float) -> FloatArray:
     return met
 
 
+def needed(required: FloatArray) -> FloatArray:
+    """What every plan that a goal accepts brings to each covering row; 0 where nothing is required.
+
+    Examples
+    --------
+    >>> least = needed(np.array([0.0, 0.7, 0.9999]))
+    >>> float(least[0]), bool(1 - 1e-8 < least[1] < 1), bool(1 - 1e-5 < least[2] < 1 - 1e-6)
+    (0.0, True, True)
+    """
+    # Twice, as coverage is weighed in floating point.
+    accepted = np.log1p(-np.maximum(0.0, required - 2 * TOLERANCE))
+    least: FloatArray = np.divide(accepted, np.log1p(-required), out=np.zeros(len(required)), where=required > 0)
+    return least
+
+
 def _with(blank: AllPoses, garments: tuple[IntArray, ...], blocks: list[FloatArray], total: FloatArray) -> AllPoses:
     starts = blank.starts().tolist()
-    for array in (*blocks, total, blank.pixels, blank.first):
+    for array in (*blocks, total, blank.pixels, blank.first, blank.needed):
         array.setflags(write=False)
     return AllPoses(
         pixels=blank.pixels,
@@ -247,4 +267,5 @@ def _with(blank: AllPoses, garments: tuple[IntArray, ...], blocks: list[FloatArr
         garments=garments,
         worth=tuple(blocks),
         total=tuple(total[a:b] for a, b in pairwise(starts)),
+        needed=blank.needed,
     )

@@ -33,6 +33,8 @@ HALF_NORMAL = 0.6745
 """Median of the absolute value of a standard normal variable."""
 BEHIND = 1e-9
 """The least inverse depth: a plane beyond it passes behind the camera."""
+STEEPEST = 1e9
+"""Planes of larger numbers are no tables, and single precision does not hold them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +64,7 @@ class TablePlane:
     Raises
     ------
     InvalidSettings
-        If a number is not finite, or all are 0.
+        If a number is not finite or beyond 1e9, or all are 0.
     """
 
     offset: float
@@ -71,8 +73,8 @@ class TablePlane:
 
     def __post_init__(self) -> None:
         numbers = (self.offset, self.slope_x, self.slope_y)
-        if not all(map(math.isfinite, numbers)) or not any(numbers):
-            raise InvalidSettings(f"table: expected three finite numbers, not all 0, got {numbers}")
+        if not all(abs(number) <= STEEPEST for number in numbers) or not any(numbers):
+            raise InvalidSettings(f"table: expected three numbers of at most {STEEPEST:g} (1/m), not all 0, got {numbers}")
 
     @classmethod
     def level(cls, metres: float) -> TablePlane:

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from PIL.Image import Image
     from PIL.ImageDraw import ImageDraw
 
-COLOURS = 64
+COLOURS = 128
 """In the palette, which all frames share: with one of its own each, pixels that rest would change."""
 INK, NOW, PAPER = (31, 36, 48), (214, 40, 40), (255, 255, 255)
-"""Of words and grasps to come; of the grasp being made; of what is around them."""
+"""Of words and grasps to come; of grasps of the trip under way; of what is around them."""
 BAND, DISC = 18, 8
 """Pixels: height of the line of words, radius of a number's disc."""
 SAMPLES = 12
@@ -41,7 +41,7 @@ class Mark:
     pose
         Where, in pixels of the frame.
     now
-        Whether it is being made.
+        Whether it belongs to the trip under way.
     """
 
     number: int
@@ -59,6 +59,8 @@ class Strip:
         Length of the jaw in pixels: how long a grasp is drawn.
     seconds
         For which a frame is shown.
+    aside
+        Words at the right end of the line.
     marks, words
         Drawn on the frames that are shown from now on.
 
@@ -78,6 +80,7 @@ class Strip:
 
     jaw: float
     seconds: float
+    aside: str = ""
     marks: Sequence[Mark] = ()
     words: str = ""
     _frames: list[Image] = field(default_factory=list)
@@ -154,6 +157,7 @@ class Strip:
         for mark in self.marks:
             _draw(drawing, mark, self.jaw)
         drawing.text((4, height + BAND / 2), self.words, fill=INK, anchor="lm", font_size=12)
+        drawing.text((width - 4, height + BAND / 2), self.aside, fill=INK, anchor="rm", font_size=12)
         self._frames.append(image)
         # Players take hundredths of a second, and show shorter frames for longer.
         self._milliseconds.append(max(20, 10 * round(100 * seconds)))
