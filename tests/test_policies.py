@@ -335,3 +335,18 @@ def test_settings_are_checked_and_named() -> None:
     assert registry.policy("segment-replan", {"points": "7"}).cycle.seconds == 2.0  # type: ignore[attr-defined]
     with pytest.raises(InvalidSettings, match="tries"):
         Patience(tries=0)
+
+
+def test_depth_tells_garments_of_the_colour_of_the_table_where_settings_ask_for_it() -> None:
+    pytest.importorskip("cv2")
+    pytest.importorskip("skimage")
+    from pscover.inputs import Look
+    from pscover.perception.perceive import Settings
+
+    rgb = np.full((120, 160, 3), 210, dtype=np.uint8)
+    rgb += np.random.default_rng(0).integers(0, 3, rgb.shape, dtype=np.uint8)
+    depth = np.full((120, 160), 1.0, dtype=np.float32)
+    depth[30:80, 40:110] = 0.97
+    frame = Frame(rgb=rgb, depth=depth)
+    assert PhotoEyes().segments(frame).scene.garments == 0
+    assert PhotoEyes(look=Look(settings=Settings(cloth_height_cm=1.0))).segments(frame).scene.garments == 1

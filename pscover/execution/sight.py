@@ -115,8 +115,14 @@ class PhotoEyes:
         return grid.enlarged(found.cloth)
 
     def segments(self, frame: Frame) -> Seen:
-        """What the segmenter finds."""
-        return self.look.photo(frame.rgb)
+        """What the segmenter finds; depth tells cloth too, where `perceive`'s settings ask for it."""
+        if frame.depth is None or not self.look.settings.cloth_height_cm:
+            return self.look.photo(frame.rgb)
+        from pscover.perception.depth import Depth
+
+        return self.look.photo(
+            frame.rgb, depth=Depth(image=frame.depth, metres_per_unit=1.0, camera=self.camera, table=self.table)
+        )
 
     def heights(self, frame: Frame) -> FloatImage:
         """Heights of the frame's depth.
