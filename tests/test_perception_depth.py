@@ -41,6 +41,7 @@ def test_perpendicular_heights_above_a_tilted_table_are_exact() -> None:
 
 
 def test_noise_millimetres_and_holes() -> None:
+    pytest.importorskip("cv2")
     z, on_heap = tilted(heap=0.08, seed=1)
     units = np.round(z * 1000).astype(np.uint16)
     units[100:110, 100:110] = 0
@@ -97,6 +98,7 @@ def test_whole_numbers_are_millimetres_and_floats_metres_unless_it_is_said() -> 
 
 
 def test_a_frame_s_depth_is_taken_as_it_is() -> None:
+    pytest.importorskip("cv2")
     from pscover.robot import Frame
 
     depth = np.full((40, 60), 0.8, dtype=np.float32)
