@@ -80,6 +80,29 @@ def _fall(cloth: Cloth, law: Law) -> None:
 
 
 @inner
+def _draw_together(
+    cloth: Cloth, hand: Hand, i: int, j: int, apart: tuple[float, float, float], part: float, newtons: float
+) -> None:
+    """Move two joined particles by a part of what is between them; one that is held pulls at the fingers instead."""
+    dx, dy, dz = apart
+    wi, wj = cloth.mobility[i], cloth.mobility[j]
+    cloth.position[i, 0] -= wi * part * dx
+    cloth.position[i, 1] -= wi * part * dy
+    cloth.position[i, 2] -= wi * part * dz
+    cloth.position[j, 0] += wj * part * dx
+    cloth.position[j, 1] += wj * part * dy
+    cloth.position[j, 2] += wj * part * dz
+    if wi == 0.0:
+        hand.load[i, 0] -= newtons * part * dx
+        hand.load[i, 1] -= newtons * part * dy
+        hand.load[i, 2] -= newtons * part * dz
+    if wj == 0.0:
+        hand.load[j, 0] += newtons * part * dx
+        hand.load[j, 1] += newtons * part * dy
+        hand.load[j, 2] += newtons * part * dz
+
+
+@inner
 def _stretch(cloth: Cloth, hand: Hand, law: Law) -> None:
     newtons = PULL / (law.dt * law.dt)
     for g in range(len(cloth.present)):
@@ -98,20 +121,7 @@ def _stretch(cloth: Cloth, hand: Hand, law: Law) -> None:
             if error < 0.0:
                 error *= BUCKLING
             part = error / ((wi + wj) * length)
-            cloth.position[i, 0] -= wi * part * dx
-            cloth.position[i, 1] -= wi * part * dy
-            cloth.position[i, 2] -= wi * part * dz
-            cloth.position[j, 0] += wj * part * dx
-            cloth.position[j, 1] += wj * part * dy
-            cloth.position[j, 2] += wj * part * dz
-            if wi == 0.0:
-                hand.load[i, 0] -= newtons * part * dx
-                hand.load[i, 1] -= newtons * part * dy
-                hand.load[i, 2] -= newtons * part * dz
-            if wj == 0.0:
-                hand.load[j, 0] += newtons * part * dx
-                hand.load[j, 1] += newtons * part * dy
-                hand.load[j, 2] += newtons * part * dz
+            _draw_together(cloth, hand, i, j, (dx, dy, dz), part, newtons)
 
 
 @inner
@@ -136,20 +146,7 @@ def _bend(cloth: Cloth, hand: Hand, law: Law) -> None:
             elif error < -bound:
                 cloth.hinge_length[e] = max(SHARPEST * flat, cloth.hinge_length[e] + PLASTIC * (error + bound))
             part = law.bending * error / ((wi + wj) * length)
-            cloth.position[i, 0] -= wi * part * dx
-            cloth.position[i, 1] -= wi * part * dy
-            cloth.position[i, 2] -= wi * part * dz
-            cloth.position[j, 0] += wj * part * dx
-            cloth.position[j, 1] += wj * part * dy
-            cloth.position[j, 2] += wj * part * dz
-            if wi == 0.0:
-                hand.load[i, 0] -= newtons * part * dx
-                hand.load[i, 1] -= newtons * part * dy
-                hand.load[i, 2] -= newtons * part * dz
-            if wj == 0.0:
-                hand.load[j, 0] += newtons * part * dx
-                hand.load[j, 1] += newtons * part * dy
-                hand.load[j, 2] += newtons * part * dz
+            _draw_together(cloth, hand, i, j, (dx, dy, dz), part, newtons)
 
 
 @inner
