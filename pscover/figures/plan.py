@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from pscover.errors import InvalidSettings, MissingDependency
 from pscover.figures.heights import LISTED, draw_heights, draw_scale
 from pscover.figures.scene import tinted
-from pscover.figures.style import INK, MUTED, PAPER, bare, check_format, draw_outlines, palette, rendered
+from pscover.figures.style import INK, MUTED, PAPER, bare, check_format, draw_outlines, kind_of, palette, rendered
 from pscover.files import write_bytes
 from pscover.grasping.partition import partition
 from pscover.perception.depth import HeightMap
@@ -144,7 +143,7 @@ def save_plan_figure(plan: Plan, path: str | PathLike[str], style: PlanStyle = S
     PscoverError
         If the file cannot be written.
     """
-    write_bytes(path, render_plan(plan, Path(path).suffix.lower().removeprefix("."), style))
+    write_bytes(path, render_plan(plan, kind_of(path), style))
 
 
 def headline(plan: Plan) -> tuple[str, str, str]:

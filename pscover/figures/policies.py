@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pscover.errors import MissingDependency
 from pscover.experiment.published import TABLE_1
 from pscover.experiment.statistics import Interval, Row
-from pscover.figures.style import INK, MUTED, PAPER, check_format, rendered
+from pscover.figures.style import INK, MUTED, PAPER, kind_of, rendered
 from pscover.files import write_bytes
 
 if TYPE_CHECKING:
@@ -74,8 +73,7 @@ def save_policies_figure(rows: Sequence[Row], path: str | PathLike[str]) -> None
     PscoverError
         If the file cannot be written.
     """
-    kind = Path(path).suffix.lower().removeprefix(".")
-    check_format(kind)
+    kind = kind_of(path)
     write_bytes(path, rendered(policies_figure(rows), kind))
 
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pscover.calibration.fit import Pairs
 from pscover.errors import MissingDependency
-from pscover.figures.style import INK, MUTED, PAPER, check_format, palette, rendered
+from pscover.figures.style import INK, MUTED, PAPER, kind_of, palette, rendered
 from pscover.files import write_bytes
 
 if TYPE_CHECKING:
@@ -65,8 +64,7 @@ def save_reliability_figure(tested: dict[str, Pairs], path: str | PathLike[str])
     PscoverError
         If the file cannot be written.
     """
-    kind = Path(path).suffix.lower().removeprefix(".")
-    check_format(kind)
+    kind = kind_of(path)
     write_bytes(path, rendered(reliability_figure(tested), kind))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from pscover.errors import InvalidSettings, MissingDependency
 from pscover.figures.heights import LISTED, draw_bars, draw_heights, draw_scale
-from pscover.figures.style import INK, MUTED, PAPER, bare, check_format, draw_outlines, palette, rendered
+from pscover.figures.style import INK, MUTED, PAPER, bare, check_format, draw_outlines, kind_of, palette, rendered
 from pscover.files import write_bytes
 from pscover.scene import Scene
 from pscover.seen import Seen
@@ -162,7 +161,7 @@ def save_scene_figure(seen: Seen, path: str | PathLike[str], width: int = 1200) 
     PscoverError
         If the file cannot be written.
     """
-    write_bytes(path, render_scene(seen, Path(path).suffix.lower().removeprefix("."), width))
+    write_bytes(path, render_scene(seen, kind_of(path), width))
 
 
 def tinted(scene: Scene, colours: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,6 +46,24 @@ def check_format(kind: str) -> None:
     """Raise `InvalidSettings` for a kind of file that no picture is written as."""
     if kind not in FORMATS:
         raise InvalidSettings(f"picture: expected one of {', '.join(FORMATS)}, got {kind!r}")
+
+
+def kind_of(path: str | PathLike[str]) -> str:
+    """The kind of file that a path's suffix asks for.
+
+    Raises
+    ------
+    InvalidSettings
+        If no picture is written as that.
+
+    Examples
+    --------
+    >>> kind_of("plans/Photo.PNG")
+    'png'
+    """
+    kind = Path(path).suffix.lower().removeprefix(".")
+    check_format(kind)
+    return kind
 
 
 def rendered(figure: Figure, kind: str) -> bytes:
