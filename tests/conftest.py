@@ -6,6 +6,11 @@ import signal
 import threading
 
 import pytest
+from hypothesis import settings
+
+# The same examples at every run, so that a red run is red again; --hypothesis-profile=default draws new ones.
+settings.register_profile("repeatable", derandomize=True)
+settings.load_profile("repeatable")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
