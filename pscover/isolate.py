@@ -38,16 +38,16 @@ _numbers = itertools.count()
 
 
 class Worker:
-    """One worker process, kept for one engine, and the two threads that talk to it."""
+    """One worker process, kept for one engine, and the two threads that talk to it; `boot` is the program it runs."""
 
-    def __init__(self, engine: Backend) -> None:
+    def __init__(self, engine: Backend, boot: str | None = None) -> None:
         self.engine = engine
         self.path = _import_path()
         environment = dict(os.environ, OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
         try:
             self.process = subprocess.Popen(
                 # -P: a json.py in the current folder must not be taken for Python's.
-                [sys.executable, "-P", "-c", BOOT, json.dumps(self.path)],
+                [sys.executable, "-P", "-c", boot or BOOT, json.dumps(self.path)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,

@@ -125,7 +125,7 @@ def plan(
     candidates: Candidates = "sampled",
     conflicts: str | Conflicts | Sequence[str | Conflicts] = "partition",
     required: ArrayLike = 0.7,
-    backend: str | Backend = "highs",
+    backend: str | Backend | None = None,
     formulation: str | Formulation = "clique",
     time: float = math.inf,
     gap: float = 0.0,
@@ -137,7 +137,7 @@ def plan(
 
     Where no plan that meets every requirement exists (a thin garment far from all others has one part only, so that one
     grasp must do) or is found, the plan comes as close as it can, and `Plan.unmet` names the garments that it leaves
-    short. It is that of the "elastic" formulation, by HiGHS where `backend` refuses it.
+    short. It is that of the "elastic" formulation, by HiGHS where the engine refuses it.
 
     Parameters
     ----------
@@ -159,7 +159,8 @@ def plan(
     conflicts, required
         See `pscover.grasping.candidates.candidates`. With all poses the conflicts are those of the partition.
     backend, formulation
-        Engine and model, by name or made by hand.
+        Engine and model, by name or made by hand. By default the engine is `auto`, or `highs` where Numba is not
+        installed.
     time
         Seconds from the call, perception and candidates included, after which the best plan so far is returned.
         Perception and the drawing of candidates are not cut short.
@@ -203,6 +204,7 @@ def plan(
     """
     settings = Settings(time=time, gap=gap, threads=threads, seed=seed)
     form = registry.formulation(formulation) if isinstance(formulation, str) else formulation
+    chosen = registry.planning_backend() if backend is None else backend
     begin = clock.monotonic()
     seen = as_seen(scene, segmenter, depth)
     own_sampling, own_predictor = paper_gripper(seen.scene.pixels_per_cm)
@@ -227,7 +229,7 @@ def plan(
 
     def staged(instance: Instance, start: tuple[int, ...] | None, most: float, floor: float) -> Result:
         watch = observe if math.isinf(floor) else _up_to(floor, observe)
-        return solved(instance, best_effort(instance) if start is None else start, form, backend, most, watch)
+        return solved(instance, best_effort(instance) if start is None else start, form, chosen, most, watch)
 
     drawing = clock.monotonic() + DRAWING * left()
     grid = None
@@ -246,7 +248,7 @@ def plan(
         strict, most = result, SHORTEST if result.stop is Stop.INTERRUPT else math.inf
         nearest = best_effort(instance)
         try:
-            result = solved(instance, nearest, "elastic", backend, most, observe)
+            result = solved(instance, nearest, "elastic", chosen, most, observe)
         except Refused:
             result = solved(instance, nearest, "elastic", "highs", most, observe)
     return Plan(

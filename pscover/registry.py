@@ -71,6 +71,17 @@ def names(kind: str) -> tuple[str, ...]:
     return tuple(sorted(_class(kind, name).name for name in (*_modules(kind), *_outside(kind))))
 
 
+def planning_backend() -> str:
+    """The engine that plans unless another is named: `auto`, or `highs` where Numba is not installed.
+
+    Examples
+    --------
+    >>> planning_backend() in ("auto", "highs")
+    True
+    """
+    return "auto" if importlib.util.find_spec("numba") else "highs"
+
+
 @cache
 def _class(kind: str, module: str) -> Any:
     if module in _modules(kind):

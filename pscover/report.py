@@ -10,6 +10,7 @@ import base64
 import hashlib
 import math
 import re
+from collections.abc import Mapping
 from html import escape
 from importlib import resources
 from os import PathLike
@@ -29,7 +30,7 @@ from pscover.perception.depth import GarmentHeight
 from pscover.planning import Plan
 from pscover.verify import Verdict, Verification, verify
 
-TEMPLATE = "report.html"
+TEMPLATE, STYLE = "report.html", "page.css"
 PLACE = re.compile(r"\{\{(\w+)\}\}")
 PARTS_LIMIT = 3000
 """More parts than this are not outlined."""
@@ -59,11 +60,9 @@ def render_report(plan: Plan, verification: Verification | None = None) -> bytes
     (True, False)
     """
     template = resources.files("pscover").joinpath(TEMPLATE).read_text("utf-8")
-    script = template.partition("<script>")[2].partition("</script>")[0]
     title, proof, _ = headline(plan)
     checked = verification or verify(plan.instance, plan.result)
     parts = {
-        "script_digest": base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii"),
         "name": escape(Path(plan.scene.source).name or "plan"),
         "title": escape(title),
         "proof": escape(proof),
@@ -77,8 +76,21 @@ def render_report(plan: Plan, verification: Verification | None = None) -> bytes
         "facts": _facts(plan, checked),
         "version": escape(pscover.__version__),
     }
+    return filled(template, parts)
+
+
+def filled(template: str, parts: Mapping[str, str]) -> bytes:
+    """A page of a template with {{name}} where a part belongs, in UTF-8.
+
+    The style that all pages share, and the digest that lets the page's own script run, are put in besides.
+    """
+    script = template.partition("<script>")[2].partition("</script>")[0]
+    shared = {
+        "style": resources.files("pscover").joinpath(STYLE).read_text("utf-8"),
+        "script_digest": base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii"),
+    }
     # One pass: what is put in is never looked at again, whatever it is.
-    page = PLACE.sub(lambda found: parts[found[1]], template)
+    page = PLACE.sub(lambda found: (shared | dict(parts))[found[1]], template)
     return page.encode("utf-8", "replace")
 
 

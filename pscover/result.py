@@ -166,6 +166,8 @@ class Answer:
         The engine's own words, if any.
     certificate
         What proves a bound, if anything; its elements are the model's covering rows in their order.
+    nodes
+        Of the engine's branch and bound tree, as it counts them; None where it keeps none or does not say.
     """
 
     status: Status
@@ -174,6 +176,7 @@ class Answer:
     stop: Stop = Stop.FINISHED
     message: str = ""
     certificate: Certificate | None = None
+    nodes: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -201,3 +201,21 @@ def test_two_outputs_need_two_files(tmp_path: Path) -> None:
     require_distinct(tmp_path / "a", None, None, tmp_path / "b")
     with pytest.raises(pscover.PscoverError, match="two outputs"):
         require_distinct(tmp_path / "a", tmp_path / "b" / ".." / "a")
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("pscover so", "solve"),
+        ("pscover solve x.json --backend lp", "lp-rounding"),
+        ("pscover plan x.jpg --backend au", "auto"),
+        ("pscover solve x.json --formulation pa", "pairwise"),
+        ("pscover simulate --policy conso", "consolidation"),
+    ],
+)
+def test_a_shell_completes_commands_and_names(monkeypatch: pytest.MonkeyPatch, words: str, expected: str) -> None:
+    monkeypatch.setenv("COMP_WORDS", words)
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
+    monkeypatch.setenv("_PSCOVER_COMPLETE", "bash_complete")
+    shown = CliRunner().invoke(app, [], prog_name="pscover")
+    assert shown.output == f"plain,{expected}\n"

@@ -20,7 +20,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from bench.peers.cpu_clock import install
+from pscover.evidence.cpu_clock import install
 
 PARENT_DEATH = 1
 THROTTLE = 0.01

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 from pscover.generate.garments import garments
+from pscover.generate.piles import reachable
 from pscover.generate.psc import psc_on_incidence
 from pscover.grasping.candidates import candidates
 from pscover.grasping.sampling import Sampling
-from pscover.infeasibility import unreachable
 from pscover.instance import Instance
 from pscover.io import load_instance, save_instance
 from pscover.scene import Scene
@@ -58,17 +56,7 @@ def pile(count: int, seed: int = 0) -> Scene:
     scene = garments(
         DROPPED.get(count, count), seed, layout="piled", size=PILE if count <= 100 else (2 * PILE[0], 2 * PILE[1])
     )
-    while True:
-        hopeless: set[int] = set()
-        for points in (5, 20):
-            instance = candidates(scene, sampling=Sampling(points=points), required=STRICTEST)
-            hopeless |= {found.element for found in unreachable(instance)}
-        if not hopeless:
-            return scene
-        gone = [scene.values[j] for j in hopeless]
-        labels = np.where(np.isin(scene.labels, gone), 0, scene.labels)
-        names = [name for j, name in enumerate(scene.names) if j not in hopeless]
-        scene = Scene.of(labels, names=names, source=f"{scene.source}, {len(gone)} taken away")
+    return reachable(scene, STRICTEST, points=(5, 20))
 
 
 def piles(counts: tuple[int, ...] = (35, 60, 100, 200)) -> list[Case]:

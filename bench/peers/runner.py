@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers.cpu_clock import CpuClock
+from pscover.evidence.cpu_clock import CpuClock
 from pscover.instance import Instance
 from pscover.io import save_instance
 

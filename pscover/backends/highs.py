@@ -86,7 +86,7 @@ class Highs:
             return session.answer(Status.UNKNOWN)
         _watch(engine, session)
         engine.run()
-        return _conclude(engine, session)
+        return replace(_conclude(engine, session), nodes=max(0, int(engine.getInfo().mip_node_count)))
 
 
 def _complete(session: Session) -> NDArray[np.float64] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from pscover.model import Model
@@ -64,7 +64,7 @@ class Scip:
         _configure(engine, session)
         _watch(engine, x, session)
         engine.optimize()
-        return _conclude(engine, x, session)
+        return replace(_conclude(engine, x, session), nodes=int(engine.getNTotalNodes()))
 
 
 def _configure(engine: Any, session: Session) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from pscover.model import Model
@@ -49,7 +49,8 @@ class Scipy:
         # `milp` empties the options it is given, so they are made for the call.
         limits = {"time_limit": session.left} if math.isfinite(session.left) else {}
         found = milp(**arguments, options={"mip_rel_gap": session.gap, **limits})
-        return _conclude(found, session)
+        nodes = getattr(found, "mip_node_count", None)
+        return replace(_conclude(found, session), nodes=None if nodes is None else max(0, int(nodes)))
 
 
 def _conclude(found: Any, session: Session) -> Answer:

@@ -15,7 +15,7 @@ from pscover.cli.fail import MEANING, Exit, report
 from pscover.errors import UnknownName
 
 COMMANDS = (
-    *("plan", "segment", "solve", "verify", "info", "compare", "convert", "generate", "simulate", "calibrate"),
+    *("plan", "segment", "solve", "verify", "info", "compare", "convert", "generate", "simulate", "calibrate", "bench"),
     *("backends", "formulations", "segmenters", "models", "doctor"),
 )
 """In the order of `--help`; each is `command` in the module of that name."""

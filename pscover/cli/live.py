@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -75,3 +75,19 @@ def watching(label: str, *, quiet: bool) -> Iterator[Line]:
 
     with Live(line, console=aside(), transient=True, refresh_per_second=FRAMES_A_SECOND):
         yield line
+
+
+@contextmanager
+def advancing(total: int, *, quiet: bool) -> Iterator[Callable[[str], None]]:
+    """A bar of so many steps on a standard error that is a terminal; each call is a step, and says what it was."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda what: None
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from pscover.cli.output import aside
+
+    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=aside(), transient=True) as bar:
+        task = bar.add_task("", total=total)
+        yield lambda what: bar.update(task, advance=1, description=what)

@@ -120,6 +120,12 @@ def backend_option(command: Command) -> Command:
     )(command)
 
 
+def planning_backend_option(command: Command) -> Command:
+    """--backend, for commands that plan: by default None, which is for `plan` to decide."""
+    text = "Engine; see `pscover backends`.  [default: auto, or highs without Numba]"
+    return click.option("--backend", "-b", metavar="NAME", help=text, shell_complete=known("backend"))(command)
+
+
 def formulation_option(command: Command) -> Command:
     """--formulation: a name, checked when it is used."""
     text = "Model; see `pscover formulations`."

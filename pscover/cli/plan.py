@@ -12,7 +12,7 @@ import click
 
 from pscover.cli.fail import Exit, say
 from pscover.cli.look import Corners, Eyes, looking, notes, stem_of
-from pscover.cli.options import FILE, backend_option, formulation_option, json_option, parameter_option, quiet_option
+from pscover.cli.options import FILE, formulation_option, json_option, parameter_option, planning_backend_option, quiet_option
 
 if TYPE_CHECKING:
     from pscover.backend import Backend
@@ -117,7 +117,7 @@ class Outputs:
 @click.command("plan", cls=Corners, short_help="Plan the grasps that clear what a photo shows, and draw them.")
 @click.argument("scene", metavar="PHOTO", type=FILE)
 @looking
-@backend_option
+@planning_backend_option
 @formulation_option
 @parameter_option("--set", "parameters", "formulation")
 @click.option(
@@ -151,7 +151,7 @@ class Outputs:
 def command(
     scene: Path,
     eyes: Eyes,
-    backend: str,
+    backend: str | None,
     formulation: str,
     parameters: tuple[tuple[str, str], ...],
     seconds: float,
@@ -185,7 +185,7 @@ def command(
       pscover plan photo.jpg --html report.html
       pscover plan photo.jpg --roi 40,30 600,30 600,450 40,450 --px-per-cm 6.1
       pscover plan photo.jpg --depth depth.png --depth-scale 0.001
-      pscover plan photo.jpg --candidates all --orientations 12 --backend auto
+      pscover plan photo.jpg --candidates all --orientations 12
       pscover plan sam_records.json --photo photo.jpg -o plan.json
       pscover plan photos/ -o plans/
     """
@@ -197,7 +197,7 @@ def command(
 
     Settings(time=seconds, seed=seed)
     planner = Planner(
-        engine=registry.backend(backend),
+        engine=registry.backend(backend or registry.planning_backend()),
         form=registry.formulation(formulation, dict(parameters)),
         seconds=seconds,
         seed=seed,

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pscover.cli.fail import Exit, say
+from pscover.cli.live import advancing
 from pscover.cli.options import FILE, json_option, known, names, parameter_option, quiet_option
 
 if TYPE_CHECKING:
@@ -99,8 +99,9 @@ def command(
       pscover simulate --policy segment --set-policy required=0.9 -o careful/
       pscover simulate --policy segment --episodes 1 --film episode.gif -o filmed/
     """
+    from pscover.evidence import executors as places
     from pscover.execution.declutter import PATIENCE
-    from pscover.experiment.batch import cluster, processes, run_all, trials
+    from pscover.experiment.batch import run_all, trials
     from pscover.experiment.statistics import rows
     from pscover.experiment.store import Store
     from pscover.experiment.tables import write_results
@@ -138,9 +139,9 @@ def command(
         store.save(*run(replace(listed[0], film=str(film))))
 
     def executors() -> AbstractContextManager[Executor]:
-        return cluster(scheduler) if scheduler else processes(jobs)
+        return places.cluster(scheduler) if scheduler else places.processes(jobs)
 
-    with _progress(len(listed), quiet=quiet) as advance:
+    with advancing(len(listed), quiet=quiet) as advance:
 
         def done(outcome: Outcome) -> None:
             outcomes[outcome.policy, outcome.seed] = outcome
@@ -157,6 +158,9 @@ def command(
     _print(table, as_json=as_json)
     written += _draw(table, output / FIGURE, quiet=quiet)
     if not quiet:
+        for row in table:
+            if row.stand_ins:
+                say(f"note: {row.policy} failed or saw nothing to do in {row.stand_ins:.1f} trips an episode: random grasps")
         say(f"wrote {', '.join(path.name for path in written)} into {output}")
     return Exit.VERIFIED
 
@@ -201,22 +205,6 @@ def _predictor(path: Path) -> Any:
     from pscover.grasping.calibrated import read_predictor
 
     return read_predictor(path)
-
-
-@contextmanager
-def _progress(total: int, *, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """A bar on a standard error that is a terminal."""
-    if quiet or not sys.stderr.isatty():
-        yield lambda what: None
-        return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from pscover.cli.output import aside
-
-    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=aside(), transient=True) as bar:
-        task = bar.add_task("", total=total)
-        yield lambda what: bar.update(task, advance=1, description=what)
 
 
 def _print(table: list[Row], *, as_json: bool) -> None:
