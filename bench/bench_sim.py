@@ -1,18 +1,28 @@
-"""The simulated world: CPU seconds of a scene, of an episode of random grasps, of an image, and where a step's time goes.
+"""The simulated world: CPU seconds of a scene, of an episode of random grasps, of an image, and of a policy's episode.
 
 pytest bench/bench_sim.py
+PSCOVER_MODELS=models pytest bench/bench_sim.py -k mobile   # with the segmenter `mobile-sam`, where its weights are
 """
 
 from __future__ import annotations
 
 import time
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 pytest.importorskip("numba")
+from pscover.errors import MissingDependency
+from pscover.execution.declutter import PATIENCE, declutter
+from pscover.execution.events import Judged
+from pscover.experiment.cloth_world import ClothWorld
+from pscover.policy import Policy
+from pscover.registry import policy
 from pscover.robot import Pose
 from pscover.sim import Oblique, World
 
@@ -68,3 +78,51 @@ def bench_image(benchmark: Any, row: Any, bank: Path, view: str) -> None:
     begin = time.process_time()
     benchmark.pedantic(take, rounds=5)
     row("simulated world", what=f"image: {view}", cpu_seconds=(time.process_time() - begin) / 5)
+
+
+class Clocked:
+    """Something whose methods are timed: CPU seconds by what they are for."""
+
+    def __init__(self, own: Any, spent: dict[str, float], **purposes: str) -> None:
+        self._own, self._spent, self._purposes = own, spent, purposes
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._own, name)
+        return self._timed(found, self._purposes[name]) if name in self._purposes else found
+
+    def _timed(self, call: Callable[..., Any], purpose: str) -> Callable[..., Any]:
+        def timed(*arguments: Any) -> Any:
+            begin = time.process_time()
+            try:
+                return call(*arguments)
+            finally:
+                self._spent[purpose] += time.process_time() - begin
+
+        return timed
+
+
+@pytest.mark.parametrize(("name", "segmenter"), [("random", "classical"), ("segment", "truth"), ("segment", "mobile-sam")])
+def bench_policy(benchmark: Any, row: Any, bank: Path, name: str, segmenter: str) -> None:
+    """An episode of `pscover simulate`, by what its CPU seconds go to."""
+    world = ClothWorld.scene(0, segmenter=segmenter, cache=bank)
+    spent: dict[str, float] = defaultdict(float)
+    robot = Clocked(world.robot, spent, pick="physics", place="physics", transport="physics")
+    camera = Clocked(world.camera, spent, capture="camera")
+    eyes = Clocked(world.eyes, spent, cloth="cloth map", segments="segmentation", heights="heights")
+    own = cast(Policy, Clocked(policy(name, {}), spent, next="decisions"))
+    trips = 0
+
+    def episode() -> None:
+        nonlocal trips
+        for event in declutter(robot, camera, own, eyes=eyes, patience=replace(PATIENCE, empty_kilograms=0.0)):
+            trips += isinstance(event, Judged)
+
+    begin = time.process_time()
+    try:
+        benchmark.pedantic(episode, rounds=1)
+    except MissingDependency as missing:
+        pytest.skip(str(missing))
+    total = time.process_time() - begin
+    parts = {what: spent[what] for what in ("physics", "camera", "cloth map", "segmentation")}
+    parts["planning"] = spent["decisions"] - spent["segmentation"] if name == "segment" else 0.0
+    row("simulated world: an episode", policy=name, segmenter=segmenter, trips=trips, total=total, **parts)

@@ -23,7 +23,7 @@ from pscover.result import VALUE_TOLERANCE, Answer, Observer, Progress, Settings
 CHEAP = 2.0**-10
 """Costs that are all below this are multiplied by a power of two for the engine, whose tolerances would swallow them."""
 
-INLINE_LIMIT = 1_000_000
+INLINE_LIMIT = 2_000_000
 """Most entries of a model that an engine may have in the caller's process when there is a deadline."""
 CUT_ROUNDS = 50
 """How often a plan that an engine's tolerances let through is cut off before its shortfall is reported instead."""

@@ -60,6 +60,17 @@ def test_the_fit_finds_the_numbers_that_made_the_grasps() -> None:
     assert pairs(fresh, found).log_loss == pytest.approx(pairs(fresh, TRUE).log_loss, abs=0.03)
 
 
+def test_few_grasps_without_a_surprise_leave_the_jaw_its_size() -> None:
+    grasps = []
+    for grasp in simulated(30):
+        touched = PAPER.at(4.7).probability(grasp.scene, grasp.pose[None]).toarray()[:, 0] > 0
+        grasps.append(replace(grasp, removed=touched))
+    found = fit_ellipse(grasps)
+    assert 0.02 < found.half_cm2 < PAPER.half_cm2 / 2
+    assert found.major_cm == pytest.approx(PAPER.major_cm, rel=0.6)
+    assert found.minor_cm == pytest.approx(PAPER.minor_cm, rel=0.6)
+
+
 def test_the_logistic_model_finds_what_the_ellipse_cannot_know() -> None:
     grasps, fresh = simulated(350, slope=-60.0), simulated(200, slope=-60.0, seed=1)
     ellipse = fit_ellipse(grasps)

@@ -11,8 +11,9 @@ pytest.importorskip("numba")
 
 from pscover import registry
 from pscover.engine.block import Block
-from pscover.engine.branch import Branching, without_replaced
+from pscover.engine.branch import Branching
 from pscover.engine.problem import Problem, problem_of
+from pscover.engine.replaced import stand_ins
 from pscover.engine.rowwise import improve, shares
 from pscover.engine.subgradient import ascend, multipliers
 from pscover.enumeration import enumerate_best
@@ -154,7 +155,12 @@ def test_what_another_of_the_clique_replaces_is_the_same_as_in_presolve() -> Non
         form = as_cover(registry.formulation("clique").build(instance))
         problem, columns = problem_of(form)
         once = presolve(form, steps=("clique-dominance",)).columns
-        assert columns[without_replaced(problem)].tolist() == once.tolist()
+        found = stand_ins(problem)
+        assert columns[np.unique(found)].tolist() == once.tolist()
+        W = form.W[:, columns].toarray()
+        assert (W[:, found] >= W).all()
+        assert (problem.cost[found] <= problem.cost).all()
+        assert (problem.home[found] == problem.home).all()
 
 
 @pytest.mark.parametrize("clique_size", [None, 4])

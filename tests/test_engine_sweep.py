@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from pscover.model import CoverForm
+from pscover.model import CoverForm, as_cover
 
 pytest.importorskip("numba")
 
+from pscover import registry
 from pscover.engine import sweep as sweeping
-from pscover.engine.branch import Branching
+from pscover.engine.block import Block
 from pscover.engine.problem import Problem, problem_of
 from pscover.engine.route import route
+from pscover.engine.rowwise import Shares, improve, shares
+from pscover.engine.subgradient import multipliers
 from pscover.engine.sweep import Sweep, worth
-from pscover.engine.tables import NOTHING, Table
+from pscover.engine.tables import SUMS, UNITS, fill
+from pscover.enumeration import enumerate_best
+from pscover.generate.psc import random_psc
+from pscover.goal import Cover
 
 
 def chain(seed: int, *, whole: bool = True) -> CoverForm:
@@ -47,12 +54,22 @@ def best(form: CoverForm) -> float:
     return min((cost for supply, cost in states.items() if min(supply) > 1 - 1e-9), default=np.inf)
 
 
-def rooted(form: CoverForm, cost: float, step: float) -> tuple[Problem, Branching]:
-    """A search that has looked at its root."""
+def priced(form: CoverForm, cost: float, step: float) -> tuple[Problem, Shares, float, np.ndarray]:
+    """Prices after a few steps, the bound that they prove, and what no better plan has."""
     problem, _ = problem_of(form)
-    search = Branching(problem, cost, step)
-    search.turn(1)
-    return problem, search
+    prices = shares(problem, multipliers(problem).y)
+    bound = improve(problem, prices, 10, cost)
+    return problem, prices, bound, bound + prices.penalty > worth(cost, step) + 1e-7
+
+
+def swept(form: CoverForm, cost: float, step: float) -> Sweep:
+    """A sweep that has ended."""
+    problem, prices, bound, out = priced(form, cost, step)
+    found = Sweep(problem, prices, out, bound, step)
+    while not found.is_finished:
+        assert not found.has_given_up
+        found.turn(1, worth(cost, step))
+    return found
 
 
 @pytest.mark.parametrize("whole", [True, False])
@@ -60,45 +77,73 @@ def rooted(form: CoverForm, cost: float, step: float) -> tuple[Problem, Branchin
 def test_finds_the_best_plan_or_that_there_is_none_better(seed: int, whole: bool) -> None:
     form, step = chain(seed, whole=whole), 1.0 if whole else 0.0
     least = best(form)
-    for cost in (least, least + 1.0):
-        problem, search = rooted(form, cost, step)
-        if search.is_finished or not search.is_open:
-            continue
-        found = Sweep(problem, search.tree, search.lower, step)
-        while not found.is_finished:
-            assert not found.has_given_up
-            found.turn(1, worth(cost, step))
-        if search.plan.size or found.plan is None:
-            known = min(cost, *[float(form.c[search.plan].sum())] if search.plan.size else [cost])
-            assert found.plan is None or form.c[found.plan].sum() <= known
-            cost = known
-        if found.plan is None:
-            assert cost == pytest.approx(least)
-            continue
-        assert form.c[found.plan].sum() == pytest.approx(least)
-        assert (form.W[:, found.plan].sum(axis=1) >= 1 - 1e-8).all()
-        assert (form.P[:, found.plan].sum(axis=1) <= 1).all()
+    assert swept(form, least, step).plan is None
+    plan = swept(form, least + 1.0, step).plan
+    assert plan is not None
+    assert form.c[plan].sum() == pytest.approx(least)
+    assert (form.W[:, plan].sum(axis=1) >= 1 - 1e-8).all()
+    assert (form.P[:, plan].sum(axis=1) <= 1).all()
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_needs_no_prices(seed: int) -> None:
     form = chain(seed)
     cost = best(form) + 2.0
-    problem, search = rooted(form, np.inf, 0.0)
-    search.tree.prices[:] = 0.0
-    search.tree.state[:] = 0
-    sweep = Sweep(problem, search.tree, 0.0, 1.0)
+    problem, prices, _, _ = priced(form, cost, 1.0)
+    prices.kept[:] = 0.0
+    sweep = Sweep(problem, prices, np.zeros(problem.candidates, dtype=np.bool_), 0.0, 1.0)
     assert sweep.turn(10**9, worth(cost, 1.0))
     assert sweep.plan is not None
     assert form.c[sweep.plan].sum() == cost - 2.0
+
+
+@pytest.mark.parametrize("clique_size", [None, 2, 4])
+def test_agrees_with_enumeration_on_random_instances(clique_size: int | None) -> None:
+    """No best plan is lost where rows, cliques and needs are of any kind, with the prices a block uses."""
+    seen = 0
+    for seed in range(40):
+        instance = random_psc(
+            4, 14, covers=2, clique_size=clique_size, required=0.7, low=0.15, high=0.8, cheapest=1, dearest=3, seed=seed
+        )
+        least, _ = enumerate_best(instance, Cover())
+        if least is None:
+            continue
+        form = as_cover(registry.formulation("clique").build(instance))
+        assert swept(form, least[0], 1.0).plan is None
+        plan = swept(form, least[0] + 1.0, 1.0).plan
+        assert plan is not None
+        problem, columns = problem_of(form)
+        assert problem.cost[plan].sum() == least[0]
+        assert (instance.coverage(columns[plan]) >= instance.required - 1e-9).all()
+        seen += 1
+    assert seen > 5
+
+
+def test_a_block_finds_the_best_plan_or_that_there_is_none() -> None:
+    ends = set()
+    for seed, clique_size in itertools.product(range(20), (None, 3, 5)):
+        instance = random_psc(
+            4, 14, covers=2, clique_size=clique_size, required=0.8, low=0.1, high=0.8, cheapest=1, dearest=2, seed=seed
+        )
+        least, _ = enumerate_best(instance, Cover())
+        form = as_cover(registry.formulation("clique").build(instance))
+        block = Block(form, np.arange(14, dtype=np.int32), 0, 1.0)
+        for _ in range(500):
+            if block.is_open:
+                block.explore(math.inf)
+        assert not block.is_open
+        assert block.is_infeasible == (least is None)
+        assert least is None or (block.cost, block.bound) == (least[0], least[0])
+        ends.add(block.is_infeasible)
+    assert ends == {True, False}
 
 
 def test_turns_do_not_change_what_is_done() -> None:
     form = chain(3)
     ends = []
     for work in (1, 10**9):
-        problem, search = rooted(form, 8.0, 1.0)
-        sweep = Sweep(problem, search.tree, search.lower, 1.0)
+        problem, prices, bound, out = priced(form, 8.0, 1.0)
+        sweep = Sweep(problem, prices, out, bound, 1.0)
         while not (sweep.is_finished or sweep.has_given_up):
             sweep.turn(work, worth(8.0, 1.0))
         ends.append((sweep.work, sweep.target, None if sweep.plan is None else sweep.plan.tolist()))
@@ -107,8 +152,8 @@ def test_turns_do_not_change_what_is_done() -> None:
 
 def test_gives_up_where_there_are_too_many_partial_plans(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweeping, "MOST", 1)
-    problem, search = rooted(chain(0), 20.0, 1.0)
-    sweep = Sweep(problem, search.tree, 0.0, 0.0)
+    problem, prices, _, out = priced(chain(0), 20.0, 1.0)
+    sweep = Sweep(problem, prices, out, 0.0, 0.0)
     sweep.turn(10**9, 20.0)
     assert sweep.has_given_up
     assert not sweep.is_finished
@@ -116,8 +161,8 @@ def test_gives_up_where_there_are_too_many_partial_plans(monkeypatch: pytest.Mon
 
 
 def test_the_route_takes_every_clique_once_and_keeps_few_rows() -> None:
-    problem, search = rooted(chain(1), 20.0, 0.0)
-    stages, _ = route(problem, search.tree)
+    problem, prices, _, out = priced(chain(1), 20.0, 0.0)
+    stages, _ = route(problem, prices, out)
     picks = [i for stage in stages for i in stage.picks.tolist() if i >= 0]
     assert len(picks) == len(set(picks))
     assert max(int(stage.slots.max()) for stage in stages) <= 3
@@ -125,45 +170,50 @@ def test_the_route_takes_every_clique_once_and_keeps_few_rows() -> None:
     assert starts == problem.rows
 
 
-def test_a_table_knows_all_sums_and_their_least_prices() -> None:
+def tables(amounts: list[np.ndarray], shares_: list[np.ndarray]) -> tuple[np.ndarray, ...]:
+    """What a row costs before and after each of its cliques, what sums are left, and their number."""
+    many = len(amounts)
+    before, after, sums = np.empty((many, UNITS + 1)), np.empty((many, UNITS + 1)), np.empty((many, SUMS))
+    size, full = np.empty(many, dtype=np.int32), np.empty(1)
+    start = np.cumsum([0, *map(len, amounts)]).astype(np.int32)
+    fill(
+        np.zeros(many, dtype=np.int32),
+        start,
+        np.concatenate(amounts),
+        np.concatenate(shares_),
+        before,
+        after,
+        sums,
+        size,
+        full,
+    )
+    assert full[0] == before[0, UNITS]
+    return before, after, sums, size
+
+
+def test_tables_bound_all_choices_closely_and_know_their_sums() -> None:
     random = np.random.default_rng(5)
-    groups = [(random.uniform(0.05, 0.4, 2), random.uniform(0.0, 1.0, 2)) for _ in range(4)]
-    table = NOTHING
-    for amount, share in groups:
-        table = table.with_group(amount, share)
-    found: dict[float, float] = {}
+    amounts, prices = [random.uniform(0.05, 0.4, 2) for _ in range(5)], [random.uniform(0.0, 1.0, 2) for _ in range(5)]
+    before, after, sums, size = tables(amounts, prices)
+    found: list[tuple[float, float]] = []
     for picks in itertools.product(range(3), repeat=4):
-        held = [(groups[g][0][k - 1], groups[g][1][k - 1]) for g, k in enumerate(picks) if k]
-        supply = min(1.0, sum(amount for amount, _ in held))
-        found[supply] = min(found.get(supply, np.inf), sum(share for _, share in held))
+        held = [(amounts[g + 1][k - 1], prices[g + 1][k - 1]) for g, k in enumerate(picks) if k]
+        found.append((min(1.0, sum(amount for amount, _ in held)), sum(price for _, price in held)))
+    assert (after[0] == before[1]).all()
+    assert (after[-1, 1:] == np.inf).all()
+    known = np.unique(np.round([supply for supply, _ in found if supply > 0], 12))
+    assert np.unique(np.round(sums[0, : size[0]], 12)).tolist() == known.tolist()
     for need in random.uniform(0.01, 1.0, 50):
-        least = min((price for supply, price in found.items() if supply >= need), default=np.inf)
-        assert table.price_of(need) == pytest.approx(least)
-        values = table.sums[1]
-        above = [supply for supply in found if supply >= need]
-        assert not above or values[np.searchsorted(values, need)] == pytest.approx(min(above))
+        least = min((price for supply, price in found if supply >= need), default=np.inf)
+        nearly = min((price for supply, price in found if supply >= need - 5 / UNITS), default=np.inf)
+        assert nearly - 1e-12 <= after[0, math.ceil(need * UNITS)] <= least + 1e-12
 
 
-def test_a_free_entry_lowers_what_is_above_it() -> None:
-    table = NOTHING.with_group(np.array([0.4]), np.array([0.0])).with_group(np.array([0.5, 0.7]), np.array([1.0, 2.0]))
-    assert [table.price_of(need) for need in (0.3, 0.5, 0.9, 0.95)] == [0.0, 1.0, 1.0, 2.0]
-
-
-def test_a_table_with_too_many_points_bounds_from_below() -> None:
+def test_too_many_sums_are_not_told() -> None:
     random = np.random.default_rng(6)
-    table, exact = NOTHING, {0.0: 0.0}
-    for _ in range(12):
-        amount, share = random.uniform(0.01, 0.2, 2), random.uniform(0.1, 1.0, 2)
-        table = table.with_group(amount, share)
-        fresh = dict(exact)
-        for supply, price in exact.items():
-            for a, s in zip(amount.tolist(), share.tolist(), strict=True):
-                key = min(1.0, round(supply + a, 4))
-                fresh[key] = min(fresh.get(key, np.inf), price + s)
-        exact = fresh
-    assert len(table.sums[1]) == 0
-    for need in np.linspace(0.05, 0.99, 40):
-        least = min((price for supply, price in exact.items() if supply >= need - 2e-3), default=np.inf)
-        assert table.price_of(float(need)) <= max(least, 0.0) + 0.2
-    joined = Table.joined([table, NOTHING, table])
-    assert joined.prices[0].tolist() == [0, len(table.prices[1]), len(table.prices[1]), 2 * len(table.prices[1])]
+    amounts = [random.uniform(0.01, 0.2, 2) for _ in range(12)]
+    _, _, sums, size = tables(amounts, [np.ones(2)] * 12)
+    assert size[0] == 0
+    assert size[-2] == 2
+    assert sums[-2, :2].tolist() == sorted(amounts[-1].tolist())
+    assert (np.diff(sums[-4, : size[-4]]) > 0).all()

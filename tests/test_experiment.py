@@ -27,13 +27,17 @@ from click.testing import CliRunner
 
 from pscover import EngineFailed, InvalidResult, InvalidSettings
 from pscover.cli.app import app
-from pscover.experiment.batch import ATTEMPTS, cluster, processes, run_all, trials
+from pscover.evidence.executors import ATTEMPTS, cluster, processes
+from pscover.execution.sight import Sight
+from pscover.experiment.batch import run_all, trials
 from pscover.experiment.published import TABLE_1
 from pscover.experiment.statistics import bootstrap, ratio, rows
 from pscover.experiment.store import Store
 from pscover.experiment.tables import NARROW, cells, markdown, write_results
 from pscover.experiment.trial import Outcome, Timing, Trial, run
 from pscover.experiment.worlds import opened
+from pscover.policies.height import Height
+from pscover.policy import Decision
 
 BASE = Trial(policy="random", world="tabletop")
 RESULTS = ("episodes.csv", "summary.csv", "summary.md", "policies.png", "experiment.json")
@@ -57,7 +61,7 @@ def inline() -> Iterator[Executor]:
 
 
 def outcome(policy: str = "random", seed: int = 0, carried: tuple[int, ...] = (1, 2, 0), **changed: Any) -> Outcome:
-    plain: dict[str, Any] = {"garments": 3, "picks": 3, "places": 0, "failures": 0, "fallen": 0, "left": 0}
+    plain: dict[str, Any] = {"garments": 3, "picks": 3, "places": 0, "failures": 0, "stand_ins": 0, "fallen": 0, "left": 0}
     plain |= {"seconds": 60.0, "reason": "clear", **changed}
     return Outcome(policy=policy, seed=seed, carried=carried, **plain)
 
@@ -180,7 +184,7 @@ def test_workers_that_die_are_replaced_up_to_a_limit(tmp_path: Path) -> None:
     run_all([BASE], Store.of(tmp_path / "a", BASE), dying, lambda found: done.append(found.seed))
     assert done == [0]
     deaths, limit = 0, 10**6
-    with pytest.raises(EngineFailed, match=f"died {ATTEMPTS} times over 1 trials \\(random on scene 0"):
+    with pytest.raises(EngineFailed, match=f"died {ATTEMPTS} times over 1 cases \\(random on scene 0"):
         run_all([BASE], Store.of(tmp_path / "b", BASE), dying, lambda found: None)
 
 
@@ -197,6 +201,65 @@ def test_other_settings_need_another_folder(tmp_path: Path) -> None:
     Store.of(tmp_path, replace(BASE, policy="height", seed=5, cache="elsewhere"))
     with pytest.raises(InvalidSettings, match="another folder"):
         Store.of(tmp_path, replace(BASE, options=(("points", "3"),)))
+
+
+def test_a_folder_with_anything_else_in_it_is_refused_and_left_alone(tmp_path: Path) -> None:
+    mine = tmp_path / "thesis.txt"
+    mine.write_text("mine")
+    with pytest.raises(InvalidSettings, match=r"thesis\.txt.*another folder"):
+        Store.of(tmp_path, BASE)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+    done = simulate(tmp_path, "--policy", "random", "--episodes", "1")
+    assert done.exit_code == 2
+    assert "thesis.txt" in done.stderr
+    assert mine.read_text() == "mine"
+
+
+def test_a_new_record_replaces_an_old_one_and_nothing_else(tmp_path: Path) -> None:
+    pytest.importorskip("cv2")
+    trial = replace(BASE, record=str(tmp_path))
+    folder = tmp_path / "random" / "0000"
+    run(trial)
+    first = sorted(path.name for path in folder.iterdir())
+    (folder / "notes.txt").write_text("mine")
+    (folder / "999999.png").write_text("of a longer run that was cut off")
+    run(trial)
+    assert sorted(path.name for path in folder.iterdir()) == [*first, "notes.txt"]
+    (folder / "episode.jsonl").unlink()
+    with pytest.raises(InvalidResult, match=r"expected a record"):
+        run(trial)
+    assert (folder / first[0]).exists()
+    (folder / "episode.jsonl").write_text('{"schema": "another program"}\n')
+    with pytest.raises(InvalidResult, match=r"expected a record of schema"):
+        run(trial)
+    assert (folder / first[0]).exists()
+
+
+class Flagging:
+    """The policy `height`, which fails at every second trip."""
+
+    name = "height"
+    needs_depth = True
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def next(self, sight: Sight, state: object | None, random: np.random.Generator) -> Decision:
+        self.calls += 1
+        if self.calls % 2 == 0:
+            raise EngineFailed("no idea")
+        return Height().next(sight, state, random)
+
+
+def test_trips_that_a_random_grasp_stands_in_for_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    policy = Flagging()
+    monkeypatch.setattr("pscover.experiment.trial.policy_of", lambda trial: policy)
+    found, _ = run(replace(BASE, policy="height"))
+    assert found.trips > 2
+    assert found.stand_ins == found.trips // 2 == policy.calls // 2
+    row = rows([found, outcome("height", 1, stand_ins=0)])[0]
+    assert row.stand_ins == found.stand_ins / 2
+    assert cells(row)["stood in"] == f"{row.stand_ins:.1f}"
 
 
 def test_cloth_without_numba_is_answered_with_the_pip_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -233,7 +296,7 @@ def simulate(folder: Path, *arguments: str) -> Any:
 
 @pytest.fixture
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pscover.experiment.batch.processes", lambda jobs: inline())
+    monkeypatch.setattr("pscover.evidence.executors.processes", lambda jobs: inline())
 
 
 @pytest.mark.usefixtures("in_this_process")
@@ -283,7 +346,7 @@ def test_the_command_sorts_and_prints_json(tmp_path: Path) -> None:
 def test_mistakes_are_one_line(
     tmp_path: Path, arguments: tuple[str, ...], message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pscover.experiment.batch.ANSWER", 0.5)
+    monkeypatch.setattr("pscover.evidence.executors.ANSWER", 0.5)
     if "--scheduler" in arguments:
         pytest.importorskip("distributed")
     done = simulate(tmp_path, "--episodes", "1", *arguments)
@@ -298,7 +361,7 @@ def test_killed_and_resumed_gives_the_same_bytes(tmp_path: Path) -> None:
     arguments = ("--policy", "random,height", "--episodes", "2", "-q")
     command = [sys.executable, "-m", "pscover", "simulate", "--world", "tabletop", *arguments, "-o"]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pscover.experiment.batch.processes", lambda jobs: inline())
+        patch.setattr("pscover.evidence.executors.processes", lambda jobs: inline())
         assert simulate(tmp_path / "whole", *arguments).exit_code == 0
     cut = tmp_path / "cut"
     process = subprocess.Popen(

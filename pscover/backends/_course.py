@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csc_array
 
 from pscover import isolate
 from pscover.clock import Clock
@@ -24,6 +25,7 @@ from ._session import CLAIMED, Session
 if TYPE_CHECKING:
     from pscover.engine.block import Block
 
+FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 BURST = 0.02
@@ -35,7 +37,9 @@ TREE = 0.6
 FOREST = 60.0
 """Seconds that it may take where there is no limit."""
 BRIEF = 20_000_000
-"""Labels and entries that it then looks at before it leaves the form to presolve."""
+"""Labels and entries that it looks at before it leaves the form to presolve, where it is tried at once."""
+AT_ONCE = 0.25
+"""The part of the time that this may take."""
 SHORTEST = 0.3
 """Seconds that must be left for branch and bound in a process of its own to be of use."""
 
@@ -53,6 +57,17 @@ class Course:
             step = least_step(reduced.form.c)
             for part, columns in components(reduced.form):
                 self.blocks.append(Block(part, columns.astype(np.int32), session.settings.seed, step))
+
+    def adopt_multipliers(self, multipliers: FloatArray) -> None:
+        """Let the bounds of the blocks begin with multipliers of the form's rows."""
+        from pscover.engine.subgradient import multipliers as plain
+
+        W = csc_array(self.reduced.form.W)
+        for block in self.blocks:
+            rows = np.unique(W[:, block.columns].indices)
+            block.multipliers = plain(block.problem)
+            known = multipliers[self.reduced.rows[rows]]
+            block.multipliers.y[:] = block.multipliers.kept[:] = known
 
     def answer(self) -> Answer:
         """Go through the stages until nothing is open or the session is over."""
@@ -80,6 +95,7 @@ class Course:
     def at_once(self) -> Answer | None:
         """The proven answer if branch and bound finds it after little work, else None."""
         session = self.session
+        end = session.seconds + AT_ONCE * session.left
         self._adopt_start()
         for block in self.blocks:
             # A short search: every block has a plan before one of them takes long.
@@ -90,7 +106,7 @@ class Course:
             while block.is_open and block.is_small and not session.over() and not session.is_proven():
                 if block.explore(session.left):
                     self._tell()
-                if block.work > BRIEF:
+                if block.work > BRIEF or session.seconds > end:
                     return None
             if block.is_infeasible:
                 return session.answer(Status.INFEASIBLE)

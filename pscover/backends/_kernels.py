@@ -15,8 +15,8 @@ from ._session import Session
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
-LONGEST, SHORTEST = 0.5, 0.05
-"""Seconds for a certificate, at most and where the proof took none."""
+LONGEST, PART = 0.5, 0.1
+"""Seconds to improve a certificate, at most, and the part of what the proof took."""
 PAUSE = 2e-3
 """Seconds between two looks at whether the kernels are ready."""
 MOST_LOADING = 5.0
@@ -58,19 +58,6 @@ def plain_plan(form: CoverForm, session: Session) -> IntArray | None:
     return None
 
 
-def compiled_plan(form: CoverForm, session: Session) -> IntArray | None:
-    """A plan by the compiled greedy choice and a short search, for packing rows that are cliques; kernels must be ready."""
-    from pscover.engine.hunt import Hunt
-    from pscover.engine.problem import problem_of
-
-    problem, columns = problem_of(form)
-    hunt = Hunt(problem, session.settings.seed, least_step(problem.cost))
-    hunt.begin()
-    while not session.over() and not math.isfinite(hunt.cost) and hunt.moves < MOVES * 50:
-        hunt.turn()
-    return columns[hunt.plan] if math.isfinite(hunt.cost) else None
-
-
 def are_loaded_within(seconds: float, session: Session) -> bool:
     """Wait at most so long for the kernels; whether they are ready."""
     from pscover.engine.warm import warming
@@ -83,8 +70,8 @@ def are_loaded_within(seconds: float, session: Session) -> bool:
 
 
 def certifying(session: Session) -> float:
-    """Seconds to look for what certifies a proven plan: about what the proof took, and at most half of what is left."""
-    return min(LONGEST, SHORTEST + session.seconds, session.left / 2)
+    """Seconds to look for more than the proof knows to certify its bound: a small part of what the proof took."""
+    return min(LONGEST, PART * session.seconds, session.left / 2)
 
 
 def await_kernels(session: Session) -> bool:

@@ -21,29 +21,29 @@ from pscover.result import Answer, Observer, Progress, Settings, Status
 
 from ._course import Course
 from ._cover import Search, hopeless_rows
-from ._kernels import are_loaded_within, compiled_plan, plain_plan
+from ._kernels import are_loaded_within, plain_plan
+from ._opening import SMALL, Opening
 from ._session import Session
 
 IntArray = NDArray[np.int32]
 
-LARGE = 10_000
-"""Entries of a form from which on a greedy plan is reported before presolve."""
+LARGE = 2_000
+"""Entries of a form from which on plans are looked for before presolve."""
 LOADING = 0.3
 """The part of the time that loading kernels from disk may take before a greedy plan is made without them."""
 PRESOLVE = 0.1
 """The part of the time that presolve may take."""
-SMALL = 20_000
-"""Entries of a form up to which branch and bound of our own begins before presolve."""
 
 
 @dataclass(frozen=True, slots=True)
 class Auto:
     """Presolve; split; enumerate small blocks; search, bound and fix the others in turn; prove what is left by HiGHS.
 
-    Local search under row weights finds plans, a subgradient method raises the bound, reduced costs leave candidates out,
-    and once neither moves, HiGHS gets what is left, with the best plan as its start and part of the time; afterwards the
-    search goes on. Models that are not covering and packing rows over binaries go to HiGHS as they are, and so do those
-    whose packing rows have room for several candidates, with a greedy start.
+    Large forms begin with an opening: multipliers from pricing, and searches among the candidates that they favour; with
+    little time there is nothing else. Then local search under row weights finds plans, a subgradient method raises the
+    bound, reduced costs leave candidates out, and once neither moves, HiGHS gets what is left, with the best plan as its
+    start and part of the time; afterwards the search goes on. Models that are not covering and packing rows over binaries
+    go to HiGHS as they are, and so do those whose packing rows have room for several candidates, with a greedy start.
 
     Parameters
     ----------
@@ -76,7 +76,10 @@ class Auto:
         answer = self._at_once(form, session)
         if answer is not None:
             return answer
-        _early_plan(form, session)
+        opening = _opening(form, session)
+        if opening is not None and (session.over() or session.is_proven() or not opening.follows):
+            status = Status.OPTIMAL if session.is_proven() else Status.UNKNOWN
+            return replace(session.answer(status), certificate=opening.certificate())
         reduced = presolve(form, over=_for_at_most(PRESOLVE * session.left, session))
         if reduced.status is Outcome.INFEASIBLE:
             return session.answer(Status.INFEASIBLE)
@@ -87,7 +90,10 @@ class Auto:
             if plan is not None:
                 session.plan(plan, float(form.c[plan].sum()) + model.offset)
             return _by_highs(session, settings.start if session.chosen is None else tuple(session.chosen.tolist()))
-        return Course(form, reduced, session, self.share).answer()
+        course = Course(form, reduced, session, self.share)
+        if opening is not None:
+            course.adopt_multipliers(opening.pricing.multipliers)
+        return course.answer()
 
     def _at_once(self, form: CoverForm, session: Session) -> Answer | None:
         """The proven answer to a form so small that presolve would take longer than branch and bound."""
@@ -101,14 +107,14 @@ class Auto:
 
 def _without_replaced(form: CoverForm) -> Reduced:
     """The form without candidates that another of their clique replaces."""
-    from pscover.engine.branch import without_replaced
     from pscover.engine.problem import problem_of
+    from pscover.engine.replaced import stand_ins
 
     problem, columns = problem_of(form)
-    kept = np.flatnonzero(without_replaced(problem))
-    left = columns[kept].astype(np.int64)
+    found = columns[stand_ins(problem)].astype(np.int64)
+    left = np.unique(found)
     stand_in = np.full(len(form.c), -1)
-    stand_in[left] = left
+    stand_in[columns] = found
     P = csr_array(form.P[:, left])
     return Reduced(
         form=CoverForm(
@@ -128,22 +134,23 @@ def _without_replaced(form: CoverForm) -> Reduced:
     )
 
 
-def _early_plan(form: CoverForm, session: Session) -> None:
-    """A greedy plan before anything that may take long."""
+def _opening(form: CoverForm, session: Session) -> Opening | None:
+    """Plans of a large form before anything that may take long; by numpy alone where kernels cannot be used."""
     from pscover.engine.problem import several
     from pscover.engine.warm import is_on_disk, warming
 
-    if session.chosen is not None or form.W.nnz <= LARGE:
-        return
+    if form.W.nnz <= LARGE:
+        return None
     if several(form) is None and (warming().is_done or is_on_disk()) and are_loaded_within(LOADING * session.left, session):
-        plan = compiled_plan(form, session)
-        if plan is not None:
-            session.plan(plan, float(form.c[plan].sum()) + session.model.offset)
-        return
-    search = Search(form)
-    if search.complete(session.over):
-        search.reverse_delete()
-        session.plan(search.chosen, search.cost + session.model.offset)
+        opening = Opening(form, session)
+        opening.run()
+        return opening
+    if session.chosen is None:
+        search = Search(form)
+        if search.complete(session.over):
+            search.reverse_delete()
+            session.plan(search.chosen, search.cost + session.model.offset)
+    return None
 
 
 def _for_at_most(seconds: float, session: Session) -> Callable[[], bool]:

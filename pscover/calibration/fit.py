@@ -26,6 +26,9 @@ FLOOR = 0.005
 """Probabilities are kept so far from 0 and 1 where their logarithm is taken."""
 RIDGE = 1.0
 """Pulls the weights of standardised features towards 0, as so many made-up observations would."""
+PULL = (25.0, 25.0, 1.0)
+"""The same for the logarithms of d1, d2 and b, towards the numbers that a fit starts from: few grasps are told apart by
+absurd numbers, too. The jaw can be measured, to a fifth or so; b cannot."""
 FEWEST = 20
 """Pairs of a grasp and a garment below which nothing is fitted."""
 
@@ -106,7 +109,7 @@ def pairs(grasps: Sequence[Logged], predictor: Calibrated) -> Pairs:
 
 
 def fit_ellipse(grasps: Sequence[Logged], start: Calibrated = PAPER) -> Calibrated:
-    """b, d1 and d2 of greatest likelihood.
+    """b, d1 and d2 of greatest likelihood, but for a pull towards `start` that gives way as grasps become many (`PULL`).
 
     The likelihood changes in small steps with d1 and d2, as pixels come under the ellipse, so it is climbed without
     slopes (Nelder and Mead 1965), in logarithms, from the paper's numbers.
@@ -119,15 +122,16 @@ def fit_ellipse(grasps: Sequence[Logged], start: Calibrated = PAPER) -> Calibrat
     from scipy.optimize import minimize
 
     near = _near(grasps)
+    first = np.log([start.major_cm, start.minor_cm, start.half_cm2])
 
     def loss(logs: FloatArray) -> float:
         major, minor, half = np.exp(np.clip(logs, -7, 7))
         if max(major, minor) > 2 * REACH_CM:
             return 1e3
         areas = near.areas(major, minor)
-        return Pairs(probability=areas / (areas + half), removed=near.removed).log_loss
+        pull = 0.5 * float(np.square(logs - first) @ PULL) / len(near.removed)
+        return Pairs(probability=areas / (areas + half), removed=near.removed).log_loss + pull
 
-    first = np.log([start.major_cm, start.minor_cm, start.half_cm2])
     options = {
         "maxiter": 300,
         "xatol": 1e-3,

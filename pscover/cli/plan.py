@@ -12,7 +12,14 @@ import click
 
 from pscover.cli.fail import Exit, say
 from pscover.cli.look import Corners, Eyes, looking, notes, stem_of
-from pscover.cli.options import FILE, formulation_option, json_option, parameter_option, planning_backend_option, quiet_option
+from pscover.cli.options import (
+    FILE,
+    formulation_option,
+    json_option,
+    parameter_option,
+    planning_backend_option,
+    quiet_option,
+)
 
 if TYPE_CHECKING:
     from pscover.backend import Backend

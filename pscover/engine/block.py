@@ -26,8 +26,14 @@ BUSHY, PLAIN = 8_000, 600
 """Most entries for which branch and bound of our own is tried, where several must work together and where they are full."""
 TURN = 40_000
 """Labels and entries that a turn of it looks at: a few milliseconds."""
+SWIFT = 8
+"""How many times as much a sweep looks at in that time."""
 FIRST = 20
 """Moves a row of local search before it begins."""
+BETWEEN = 1_000_000
+"""What a sweep looks at before as many more of them follow."""
+ROUGH, ROOT = 100, 60
+"""Steps on multipliers of rows and on shares before a sweep begins."""
 WIDE = 12
 """Candidates a row from which the search looks at those first that multipliers favour."""
 CORE, RICH = 3, 12
@@ -87,6 +93,7 @@ class Block:
         self.branching: Branching | None = None
         self.sweep: Sweep | None = None
         self._account = Account(self.problem, self.kept)
+        self._swept = 0
         self._stall = 0
         self._has_tightened = False
         self._refocused = False
@@ -141,37 +148,70 @@ class Block:
 
     @property
     def work(self) -> int:
-        """What branch and bound and the sweep have looked at."""
-        return sum(each.work for each in (self.branching, self.sweep) if each is not None)
+        """What branch and bound has looked at, and the sweep in the same time."""
+        tree = 0 if self.branching is None else self.branching.work
+        return tree if self.sweep is None else tree + self.sweep.work // SWIFT
 
     def explore(self, seconds: float) -> bool:
-        """A turn: a short search, the root of a tree, a sweep if there is a plan, else the tree; whether it helped.
+        """A turn: a short search, prices of rows, a sweep if that is possible, else a tree; whether it helped.
 
         With few seconds left, the turn is shorter.
         """
+        if self.hunt is None:
+            return self._search_briefly()
+        if self.shares is None:
+            return self._price()
+        if self.sweep is None and self.branching is None and self.problem.is_split:
+            # Without a plan, there are no targets to rise: all partial plans go on.
+            step = self.step if self.plan is not None else 0.0
+            self.sweep = Sweep(self.problem, self.shares, self._hopeless(), self.bound, step)
+        if self.sweep is not None and not self.sweep.has_given_up:
+            return self._sweep()
+        return self._branch(seconds)
+
+    def _price(self) -> bool:
+        """Share the candidates' costs among their rows; whether the bound rose or proved something."""
+        from . import rowwise, subgradient
+
+        if self.multipliers is None:
+            self.multipliers = subgradient.multipliers(self.problem)
+        goal = self.cost if math.isfinite(self.cost) else float(self.problem.cost.sum())
+        subgradient.ascend(self.problem, self.multipliers, ROUGH, goal)
+        self.shares = rowwise.shares(self.problem, self.multipliers.kept)
+        enough = worth(goal, self.step)
+        bound = float(rowwise.improve(self.problem, self.shares, ROOT, enough + 1e-6 * max(1.0, abs(enough))))
+        if math.isinf(bound) and bound > 0:
+            return self._exhausted()
+        return self.prove(min(bound, self.cost))
+
+    def _hopeless(self) -> NDArray[np.bool_]:
+        """Candidates that no better plan has, by the prices of rows."""
+        assert self.shares is not None
+        most: NDArray[np.bool_] = float(self.shares.value[0]) + self.shares.penalty > worth(self.cost, self.step) + 1e-7
+        return most
+
+    def _branch(self, seconds: float) -> bool:
+        """A turn of the tree; whether it helped."""
         from .branch import Branching
 
         if self.branching is None:
-            moved = self._search_briefly()
             self.branching = Branching(self.problem, self.cost, self.step)
-            return moved
         tree = self.branching
-        is_root = tree.nodes == 0
-        if self.sweep is not None and not self.sweep.has_given_up:
-            return self._sweep()
         tree.know(self.cost)
-        moved = tree.turn(1 if is_root else TURN, seconds) and self.offer(self.kept[tree.plan])
+        moved = tree.turn(1 if tree.nodes == 0 else TURN, seconds) and self.offer(self.kept[tree.plan])
         if tree.is_finished:
             return self._exhausted()
-        if is_root and self.plan is not None and self.problem.is_split and tree.is_open:
-            self.sweep = Sweep(self.problem, tree.tree, tree.lower, self.step)
         return self.prove(min(tree.lower, self.cost)) or moved
 
     def _sweep(self) -> bool:
-        """A turn of the sweep; whether it helped."""
+        """A turn of the sweep, or of the search for a plan that spares it work; whether it helped."""
         assert self.sweep is not None
         sweep = self.sweep
-        if sweep.turn(TURN, worth(self.cost, self.step)):
+        if sweep.work >= self._swept + BETWEEN:
+            self._swept = sweep.work
+            return self._search_briefly()
+        most = worth(self.cost, self.step) if math.isfinite(self.cost) else 2 * float(self.problem.cost.sum()) + 1
+        if sweep.turn(SWIFT * TURN, most):
             assert sweep.plan is not None
             self.offer(self.kept[sweep.plan])
         if sweep.is_finished:
@@ -295,6 +335,7 @@ class Block:
         self.shares = None if self.shares is None else without(self.shares, gone)
         self._stall, self._has_tightened = 0, False
         self.hunt = self.branching = self.sweep = None
+        self._swept = 0
 
     def priced(self, rows: NDArray[np.int64], seconds: float) -> Paid | Fork | None:
         """What its rows, which are these in the whole, pay for its candidates, improved for so long; None if nothing."""

@@ -12,13 +12,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .choice import most_telling, thin
 from .jit import kernel
 from .nodes import bound, limit
 from .problem import IntArray, Problem
-from .tree import DEEPEST, DEPTH, ENOUGH, FOREVER, FREE, FRESH, NODES, UPPER, WORK, Tree, advance, enter, tree, undo
+from .tree import DEEPEST, DEPTH, ENOUGH, FOREVER, FRESH, NODES, UPPER, WORK, Tree, advance, enter, tree, undo
 from .trial import is_plan
 
 MORE, DONE, BETTER, TOO_DEEP = range(4)
@@ -54,17 +53,6 @@ def explore(problem: Problem, tree: Tree, work: int) -> int:
         if is_better:
             return BETTER
     return MORE
-
-
-def without_replaced(problem: Problem) -> NDArray[np.bool_]:
-    """Which candidates stay when those go that another of their clique replaces, shape (candidates,).
-
-    The same as the presolve step `clique_dominance` for candidates of one clique each, without its overhead.
-    """
-    root = tree(problem, np.inf, 0.0)
-    thin(problem, root)
-    kept: NDArray[np.bool_] = root.state == FREE
-    return kept
 
 
 class Branching:

@@ -7,13 +7,13 @@ from __future__ import annotations
 import numpy as np
 
 from .cheapest import cheapest
-from .jit import inner, kernel
+from .jit import inner
 from .nodes import limit
 from .problem import TOLERANCE, Problem
 from .tree import FREE, WORK, Tree, exclude
 
 
-@kernel
+@inner
 def thin(problem: Problem, tree: Tree) -> None:
     """Leave out what another of its clique replaces, now that rows need less than they did."""
     for g in range(len(tree.gain)):

@@ -85,6 +85,11 @@ class Hunt:
         return bool(self.state.counts[SHORT])
 
     @property
+    def lacking(self) -> IntArray:
+        """The rows that the plan as it stands leaves short."""
+        return np.sort(self.state.rows["lacking"][: self.state.counts[SHORT]])
+
+    @property
     def spent(self) -> float:
         """The cost of the plan as it stands."""
         return float(self.state.value[COST])

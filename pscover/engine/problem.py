@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -89,7 +90,8 @@ def problem_of(form: CoverForm) -> tuple[Problem, IntArray]:
         raise Refused(reason)
     useful = np.bincount(form.W.indices, minlength=len(form.c)) > 0
     columns = np.flatnonzero(form.allowed & useful).astype(np.int32)
-    W = csc_array(form.W)[:, columns]
+    lying = csr_array(form.W) if len(columns) == len(form.c) else csr_array(form.W)[:, columns]
+    W = csc_array(lying)
     W.sort_indices()
     cost = np.ascontiguousarray(form.c[columns], dtype=np.float64)
     P = csr_array(form.P)[:, columns]
@@ -101,7 +103,7 @@ def problem_of(form: CoverForm) -> tuple[Problem, IntArray]:
     order = np.argsort(sizes[owner], kind="stable")
     home[P.indices[order]] = owner[order]
     gptr, gclq = _int32(G.indptr, G.indices)
-    rptr, lines = _by_row(csr_array(W), cost)
+    rptr, lines = _by_row(csr_array(W) if not lying.has_canonical_format else lying, cost)
     entries = np.zeros(W.nnz, dtype=COLUMN)
     entries["entry"], entries["row"] = W.data, W.indices
     problem = Problem(
@@ -134,9 +136,11 @@ def several(form: CoverForm) -> str | None:
 
 
 def _by_row(W: csr_array, cost: FloatArray) -> tuple[IntArray, NDArray[Any]]:
-    row = np.repeat(np.arange(W.shape[0]), np.diff(W.indptr))
+    """Where rows begin, and their entries by falling worth, equal ones by candidate: W has its entries in that order."""
     worth = W.data / np.maximum(cost[W.indices], 1e-12)
-    order = np.lexsort((W.indices, -worth, row))
+    order = np.empty(W.nnz, dtype=np.int64)
+    for first, last in pairwise(W.indptr.tolist()):
+        order[first:last] = first + np.argsort(-worth[first:last], kind="stable")
     lines = np.zeros(W.nnz, dtype=LINE)
     lines["entry"], lines["candidate"] = W.data[order], W.indices[order]
     return np.ascontiguousarray(W.indptr, dtype=np.int32), lines

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import heapq
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .problem import TOLERANCE, FloatArray, IntArray, Problem
-from .tables import NOTHING, Table
-from .tree import FREE, Tree
+from .problem import FloatArray, IntArray, Problem
+from .rowwise import Shares
+from .tables import SUMS, UNITS, fill
 
 STARTS = 8
 """Rows from which an order is tried."""
@@ -32,7 +35,9 @@ class Stage:
     slots, fresh
         Where partial plans keep the needs of these rows, and whether none has come to the row before.
     before, after
-        What the rows cost at least with and without the clique.
+        What these rows cost at least with and without the clique, by units; see `tables.fill`.
+    sums, size
+        What the entries of later cliques can add up to, and how many such sums there are.
     """
 
     picks: IntArray
@@ -40,94 +45,116 @@ class Stage:
     amount: FloatArray
     slots: IntArray
     fresh: NDArray[np.bool_]
-    before: Table
-    after: Table
+    before: FloatArray
+    after: FloatArray
+    sums: FloatArray
+    size: IntArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Entries:
-    """The entries of candidates that are free, by clique and row.
-
-    Parameters
-    ----------
-    rows
-        The rows of each clique that has a free candidate, rising.
-    at
-        The entries of each clique and row.
-    """
-
-    rows: dict[int, list[int]]
-    at: dict[tuple[int, int], list[int]]
-
-
-def route(problem: Problem, tree: Tree) -> tuple[list[Stage], float]:
-    """The stages, and what all rows cost at least, from a search that has looked at its root."""
-    row = np.repeat(np.arange(problem.rows), np.diff(tree.start)).tolist()
-    at: dict[tuple[int, int], list[int]] = {}
-    for t in np.flatnonzero(tree.state[tree.candidate] == FREE).tolist():
-        at.setdefault((int(tree.group[t]), row[t]), []).append(t)
-    rows: dict[int, list[int]] = {}
-    for g, j in sorted(at):
-        rows.setdefault(g, []).append(j)
-    entries = Entries(rows=rows, at=at)
-    order = _order(rows, problem.rows)
-    latest = [NOTHING] * problem.rows
-    ends: list[tuple[Table, Table]] = []
-    for g in reversed(order):
-        after = [latest[j] for j in rows[g]]
-        for j in rows[g]:
-            ts = at[g, j]
-            latest[j] = latest[j].with_group(tree.amount[ts], tree.prices[0][ts])
-        ends.append((Table.joined([latest[j] for j in rows[g]]), Table.joined(after)))
-    return _stages(problem, tree, entries, order, ends[::-1]), sum(table.price_of(1.0 - TOLERANCE) for table in latest)
+def route(problem: Problem, priced: Shares, out: NDArray[np.bool_]) -> tuple[list[Stage], float]:
+    """The stages, and what all rows cost at least at the best prices; candidates that are out are left out."""
+    row = np.repeat(np.arange(problem.rows), np.diff(problem.rptr))
+    lines = problem.lines["candidate"]
+    home = np.where(problem.home < 0, int(problem.cliques[0]) + np.arange(problem.candidates), problem.home)
+    # In this order shares are kept.
+    order = np.lexsort((home[lines], row))
+    stays = ~out[priced.candidate]
+    row, candidate = row[stays], priced.candidate[stays]
+    amount, share = problem.lines["entry"][order][stays], priced.kept[stays]
+    kinds, clique = np.unique(home[candidate], return_inverse=True)
+    pairs = np.unique(np.stack([clique, row], axis=1), axis=0)
+    ends = np.searchsorted(pairs[:, 0], np.arange(len(kinds) + 1)).tolist()
+    every = pairs[:, 1].tolist()
+    rows_of = [every[a:b] for a, b in pairwise(ends)]
+    way = _order(rows_of, problem.rows)
+    place = np.empty(len(kinds), dtype=np.int64)
+    place[way] = np.arange(len(way))
+    by_way = np.lexsort((row, place[clique]))
+    row, candidate, amount, share = row[by_way], candidate[by_way], amount[by_way], share[by_way]
+    return _stages(problem, [rows_of[g] for g in way], place[clique][by_way], row, candidate, amount, share)
 
 
 def _stages(
-    problem: Problem, tree: Tree, entries: Entries, order: list[int], ends: list[tuple[Table, Table]]
-) -> list[Stage]:
-    """What each clique brings, and where the needs of its rows are kept: from their first clique to their last."""
-    last = {j: k for k, g in enumerate(order) for j in entries.rows[g]}
-    slot: dict[int, int] = {}
-    found: list[Stage] = []
-    for k, (g, (before, after)) in enumerate(zip(order, ends, strict=True)):
-        rows = entries.rows[g]
-        fresh = np.array([j not in slot for j in rows])
-        for j in rows:
-            if j not in slot:
-                slot[j] = min(set(range(problem.rows)) - set(slot.values()))
-        parts = [entries.at[g, j] for j in rows]
-        members = np.unique(tree.candidate[[t for part in parts for t in part]])
-        amount = np.zeros((len(members) + 1, len(rows)))
-        for r, part in enumerate(parts):
-            amount[np.searchsorted(members, tree.candidate[part]) + 1, r] = tree.amount[part]
+    problem: Problem,
+    rows_of: list[list[int]],
+    stage: NDArray[Any],
+    row: NDArray[Any],
+    candidate: IntArray,
+    amount: FloatArray,
+    share: FloatArray,
+) -> tuple[list[Stage], float]:
+    """What each clique brings, from its entries in the order of the way, and where the needs of its rows are kept."""
+    width = np.array([len(held) for held in rows_of], dtype=np.int64)
+    begin = np.concatenate(([0], np.cumsum(width)))
+    is_first = np.ones(len(row), dtype=np.bool_)
+    is_first[1:] = (np.diff(stage) != 0) | (np.diff(row) != 0)
+    pair = np.cumsum(is_first) - 1
+    many = int(begin[-1])
+    before, after, sums = np.empty((many, UNITS + 1)), np.empty((many, UNITS + 1)), np.empty((many, SUMS))
+    size, full = np.empty(many, dtype=np.int32), np.empty(problem.rows)
+    starts = np.concatenate((np.flatnonzero(is_first), [len(row)])).astype(np.int32)
+    fill(row[is_first].astype(np.int32), starts, amount, share, before, after, sums, size, full)
+    names, number = np.unique(stage * problem.candidates + candidate, return_inverse=True)
+    members, owner = (names % problem.candidates).astype(np.int32), names // problem.candidates
+    first = np.searchsorted(owner, np.arange(len(rows_of) + 1))
+    # The picks of a stage, none first, by its rows; one stage after the other.
+    areas = np.concatenate(([0], np.cumsum((np.diff(first) + 1) * width)))
+    table = np.zeros(int(areas[-1]))
+    table[areas[stage] + (number - first[stage] + 1) * width[stage] + pair - begin[stage]] = amount
+    slots, fresh = _places(rows_of, problem.rows)
+    cost = problem.cost[members]
+    none, nothing = np.full(1, -1, dtype=np.int32), np.zeros(1)
+    found = []
+    for k, (a, b) in enumerate(pairwise(begin.tolist())):
+        some = slice(int(first[k]), int(first[k + 1]))
         found.append(
             Stage(
-                picks=np.concatenate(([-1], members)).astype(np.int32),
-                cost=np.concatenate(([0.0], problem.cost[members])),
-                amount=amount,
-                slots=np.array([slot[j] for j in rows], dtype=np.int32),
-                fresh=fresh,
-                before=before,
-                after=after,
+                picks=np.concatenate((none, members[some])),
+                cost=np.concatenate((nothing, cost[some])),
+                amount=table[areas[k] : areas[k + 1]].reshape(-1, b - a),
+                slots=slots[a:b],
+                fresh=fresh[a:b],
+                before=before[a:b],
+                after=after[a:b],
+                sums=sums[a:b],
+                size=size[a:b],
             )
         )
-        for j in rows:
+    return found, float(full.sum())
+
+
+def _places(rows_of: list[list[int]], rows: int) -> tuple[IntArray, NDArray[np.bool_]]:
+    """Where the need of each clique's rows is kept, from their first clique to their last, and whether it is the first."""
+    last = {j: k for k, held in enumerate(rows_of) for j in held}
+    empty, slot = list(range(rows)), dict[int, int]()
+    slots, fresh = list[int](), list[bool]()
+    for k, held in enumerate(rows_of):
+        for j in held:
+            fresh.append(j not in slot)
+            if j not in slot:
+                slot[j] = heapq.heappop(empty)
+            slots.append(slot[j])
+        for j in held:
             if last[j] == k:
-                del slot[j]
-    return found
+                heapq.heappush(empty, slot.pop(j))
+    return np.array(slots, dtype=np.int32), np.array(fresh, dtype=np.bool_)
 
 
-def _order(rows_of: dict[int, list[int]], rows: int) -> list[int]:
+def _order(rows_of: list[list[int]], rows: int) -> list[int]:
     """Cliques by the row that they come with: what lies at the front already first, what only this row has last."""
     of: list[list[int]] = [[] for _ in range(rows)]
     near = [0] * rows
-    for g, held in rows_of.items():
+    for g, held in enumerate(rows_of):
         together = sum(1 << i for i in held)
         for j in held:
             of[j].append(g)
             near[j] |= together
     starts = sorted(range(rows), key=lambda j: near[j].bit_count())[:STARTS]
-    _, best = min((_from(near, start) for start in starts), key=lambda found: found[0])
+    least, best = np.inf, list(range(rows))
+    for start in starts:
+        score, found = _from(near, start, least)
+        if score < least:
+            least, best = score, found
     place = {j: k for k, j in enumerate(best)}
     order: dict[int, None] = {}
     for j in best:
@@ -137,21 +164,26 @@ def _order(rows_of: dict[int, list[int]], rows: int) -> list[int]:
     return list(order)
 
 
-def _from(near: list[int], start: int) -> tuple[float, list[int]]:
-    """Rows from one on, always the one next that brings the fewest others to the front; how broad that becomes."""
+def _from(near: list[int], start: int, most: float) -> tuple[float, list[int]]:
+    """Rows from one on, always the one next that brings the fewest others to the front; how broad that becomes.
+
+    It ends early once it is broader than the most.
+    """
     front, score, order = 0, 0.0, [start]
-    rest = set(range(len(near))) - {start}
+    rest = [j for j in range(len(near)) if j != start]
     open_ = (1 << len(near)) - 1
     while True:
         j = order[-1]
         open_ &= ~(1 << j)
         front |= near[j]
-        score += BROAD ** (front & open_).bit_count()
-        if not rest:
+        ready, new = front & open_, open_ & ~front
+        score += BROAD ** ready.bit_count()
+        if not rest or score >= most:
             return score, order
 
-        def brings(i: int, ready: int = front & open_, new: int = open_ & ~front) -> tuple[int, bool, int]:
+        def brings(i: int, ready: int = ready, new: int = new) -> tuple[int, bool, int]:
             return (near[i] & new).bit_count() - (near[i] & ready > 0), not ready >> i & 1, i
 
-        order.append(min(rest, key=brings))
-        rest.remove(order[-1])
+        i = min(rest, key=brings)
+        order.append(i)
+        rest.remove(i)

@@ -12,6 +12,8 @@ from .problem import FloatArray, IntArray, Problem
 
 UNITS = 120
 """Into how many units a row's demand is divided; entries are rounded up, so the bound stays valid."""
+SPAN = 2 * UNITS + 1
+"""Prices of choices of a number of entries: of all demands from none on, and before them one for each below none."""
 SHORT = 0.02
 """Once steps are this short, they start anew, longer, and are shortened with more patience."""
 BOUND, LENGTH, TOP, STEPS, PATIENT = range(5)
@@ -131,22 +133,21 @@ def improve(problem: Problem, state: Shares, steps: int, goal: float) -> float:
         levels = max(levels, state.low[j], state.high[j])
         if last > first:
             widest = max(widest, state.group[last - 1] + 1)
-    least = np.empty((levels + 1, UNITS + 1))
-    before = np.empty((levels + 1, UNITS + 1))
-    picks = np.empty((widest + 1, levels + 1, UNITS + 1), dtype=np.int32)
+    table = np.empty((widest + 1) * (levels + 1) * SPAN)
+    begins = np.empty(widest + 1, dtype=np.int32)
     penalty, mean = np.empty(n), np.empty(n)
     for _ in range(steps):
         total = 0.0
         penalty[:] = 0.0
         for j in range(rows):
-            cheapest = _solve_row(state, j, least, before, picks)
+            cheapest, final = _solve_row(state, j, table, begins)
             if cheapest >= NEVER:
                 state.value[BOUND] = np.inf
                 return np.inf
             total += cheapest
             if state.low[j] == 0 and state.high[j] < 0:
                 for t in range(state.starts[j], state.starts[j + 1]):
-                    more = state.share[t] + least[0, max(0, UNITS - state.units[t])] - cheapest
+                    more = state.share[t] + table[final + 2 * UNITS - state.units[t]] - cheapest
                     if more > 0.0:
                         penalty[state.candidate[t]] += more
         total *= 1.0 - 1e-11
@@ -213,24 +214,24 @@ RESTART = 0.1
 
 
 @inner
-def _solve_row(state: Shares, j: int, least: FloatArray, before: FloatArray, picks: IntArray) -> float:
-    """The cheapest choice that meets row j; `least[e, d]` becomes the cheapest of e entries that gives at least d units.
+def _solve_row(state: Shares, j: int, table: FloatArray, begins: IntArray) -> tuple[float, int]:
+    """The cheapest choice that meets row j, and where the prices begin that count all its cliques.
 
-    Where there is no most, the last e stands for as many or more.
+    After each clique, the table holds SPAN prices for each number e of entries: that of at least d units at UNITS + d, and
+    below those what less than none costs. Where there is no most, the last e stands for as many or more.
     """
     first, last = state.starts[j], state.starts[j + 1]
     low, high = state.low[j], state.high[j]
     top = low if high < 0 else high
+    size = (top + 1) * SPAN
     upper = 0.0
     for t in range(first, last):
         if state.chosen[t] == 1:
             upper += state.share[t]
     upper += 1e-12
-    for e in range(top + 1):
-        for d in range(UNITS + 1):
-            least[e, d] = NEVER
-    least[0, 0] = 0.0
-    height = 0
+    for d in range(size):
+        table[d] = 0.0 if d <= UNITS else NEVER
+    now, height = 0, 0
     t = first
     while t < last:
         group = state.group[t]
@@ -240,45 +241,75 @@ def _solve_row(state: Shares, j: int, least: FloatArray, before: FloatArray, pic
             if state.share[t] <= upper:
                 if not begun:
                     begun = True
-                    for e in range(top + 1):
-                        for d in range(UNITS + 1):
-                            before[e, d] = least[e, d]
-                            picks[height, e, d] = -1
-                for e in range(1, top + 1):
-                    _take(before[e - 1], least[e], picks[height, e], state.share[t], state.units[t], 2 * t)
-                if high < 0:
-                    _take(before[top], least[top], picks[height, top], state.share[t], state.units[t], 2 * t + 1)
+                    begins[height] = t
+                    height += 1
+                    _copy_on(table, now, size)
+                    now += size
+                if top == 0 and high < 0:
+                    _lower(table, now - SPAN + UNITS - state.units[t], now + UNITS, state.share[t])
+                else:
+                    _take(table, now, top, high < 0, state.share[t], state.units[t])
             t += 1
-        if begun:
-            height += 1
     for t in range(first, last):
         state.chosen[t] = 0
-    e = low
-    for k in range(low, top + 1):
-        if least[k, UNITS] < least[e, UNITS]:
-            e = k
-    cheapest = least[e, UNITS]
-    if cheapest >= NEVER:
-        return NEVER
-    d = UNITS
-    for h in range(height - 1, -1, -1):
-        pick = picks[h, e, d]
-        if pick >= 0:
-            state.chosen[pick // 2] = 1
-            d = max(0, d - state.units[pick // 2])
-            if pick % 2 == 0:
-                e -= 1
-    return float(cheapest)
+    at = low * SPAN + 2 * UNITS
+    for e in range(low, top + 1):
+        if table[now + e * SPAN + 2 * UNITS] < table[now + at]:
+            at = e * SPAN + 2 * UNITS
+    cheapest = table[now + at]
+    if cheapest < NEVER:
+        for h in range(height - 1, -1, -1):
+            if table[h * size + at] > table[h * size + size + at]:
+                t, at = _entry_at(state.share, state.units, begins[h], table, h * size, size, at, top if high < 0 else -1)
+                state.chosen[t] = 1
+    return float(cheapest), now
 
 
 @inner
-def _take(before: FloatArray, least: FloatArray, picks: IntArray, price: float, size: int, mark: int) -> None:
-    """Lower the states that one more entry reaches."""
-    base = before[0] + price
-    for d in range(min(size, UNITS) + 1):
-        if base < least[d]:
-            least[d], picks[d] = base, mark
-    for d in range(size + 1, UNITS + 1):
-        more = before[d - size] + price
-        if more < least[d]:
-            least[d], picks[d] = more, mark
+def _entry_at(
+    share: FloatArray, units: IntArray, begin: int, table: FloatArray, before: int, size: int, at: int, stays: int
+) -> tuple[int, int]:
+    """The entry, from one on, to which a price is due, and where the price is that those before it have to make up.
+
+    `stays` is the number of entries that stands for more as well.
+    """
+    due = table[before + size + at]
+    e, d = at // SPAN, at % SPAN - UNITS
+    t = begin
+    while True:
+        rest = at - min(d, units[t])
+        if e > 0 and table[before + rest - SPAN] + share[t] == due:
+            return t, rest - SPAN
+        if e == stays and table[before + rest] + share[t] == due:
+            return t, rest
+        t += 1
+
+
+@inner
+def _take(table: FloatArray, now: int, top: int, has_no_most: bool, price: float, units: int) -> None:
+    """Lower the prices of all numbers of entries that one more brings."""
+    size = (top + 1) * SPAN
+    for e in range(1, top + 1):
+        _lower(table, now - size + (e - 1) * SPAN + UNITS - units, now + e * SPAN + UNITS, price)
+    if has_no_most:
+        _lower(table, now - size + top * SPAN + UNITS - units, now + top * SPAN + UNITS, price)
+    for e in range(1, top + 1):
+        for d in range(UNITS):
+            table[now + e * SPAN + d] = table[now + e * SPAN + UNITS]
+
+
+@inner
+def _copy_on(table: FloatArray, begin: int, size: int) -> None:
+    """Begin a clique where the last one ended; with indices that never wrap it is vector code."""
+    a, b = np.uintp(begin), np.uintp(begin + size)
+    for d in range(np.uintp(size)):
+        table[b + d] = table[a + d]
+
+
+@inner
+def _lower(table: FloatArray, source: int, target: int, price: float) -> None:
+    """Lower UNITS + 1 prices to those at the source and so much more, in vector code as well."""
+    a, b = np.uintp(source), np.uintp(target)
+    for d in range(np.uintp(UNITS + 1)):
+        more, old = table[a + d] + price, table[b + d]
+        table[b + d] = more if more < old else old

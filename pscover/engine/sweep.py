@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from .jit import inner, kernel
 from .problem import TOLERANCE, FloatArray, IntArray, Problem
 from .route import Stage, route
-from .tree import Tree
+from .rowwise import Shares
+from .tables import units_of
 
 MOST = 100_000
 """Most partial plans at a time; a sweep that would need more gives up."""
@@ -29,6 +30,10 @@ CROWD = 20
 """How many times that may be made of them in one go."""
 PORTION = 4096
 """How many are looked at in one go."""
+LANE, LANES = 9, 7
+"""Bits for a need of a row, rounded down to 8 bits, and how many such needs fit a number."""
+GUARDS = sum(1 << LANE * s + LANE - 1 for s in range(LANES))
+"""Their topmost bits: what is set in the minuend stays set in the difference where no need is larger."""
 ROUND = 1e-12
 """What sums of entries may lose to rounding."""
 
@@ -39,16 +44,22 @@ def expand(
     least: FloatArray,
     price: FloatArray,
     begin: int,
-    stage: tuple[FloatArray, FloatArray, IntArray, NDArray[np.bool_]],
-    before: tuple[IntArray, FloatArray, FloatArray],
-    after: tuple[IntArray, FloatArray, FloatArray],
-    sums: tuple[IntArray, FloatArray],
+    cost: FloatArray,
+    amount: FloatArray,
+    slots: IntArray,
+    fresh: NDArray[np.bool_],
+    before: FloatArray,
+    after: FloatArray,
+    sums: FloatArray,
+    size: IntArray,
     target: float,
-    made: tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray],
+    new_needs: FloatArray,
+    new_least: FloatArray,
+    new_price: FloatArray,
+    parent: IntArray,
+    pick: IntArray,
 ) -> tuple[int, int]:
     """Extend partial plans from one on until all are or there is no more room; the next to extend and how many were made."""
-    cost, amount, slots, fresh = stage
-    new_needs, new_least, new_price, parent, pick = made
     rows, count = len(slots), 0
     old, now = np.empty(rows), np.empty(rows)
     for k in range(begin, len(least)):
@@ -57,7 +68,7 @@ def expand(
         base = least[k]
         for r in range(rows):
             old[r] = 1.0 - TOLERANCE if fresh[r] else needs[k, slots[r]]
-            base -= _price(before, r, old[r])
+            base -= before[r, units_of(old[r])]
         for c in range(len(cost)):
             bound = base + cost[c]
             for r in range(rows):
@@ -65,8 +76,8 @@ def expand(
                 if need <= ROUND:
                     now[r] = 0.0
                     continue
-                now[r] = _equivalent(sums, r, need)
-                bound += _price(after, r, now[r])
+                now[r] = _equivalent(sums, size[r], r, need)
+                bound += after[r, units_of(now[r])]
                 if bound > target:
                     break
             if bound > target:
@@ -83,37 +94,18 @@ def expand(
 
 
 @inner
-def _price(table: tuple[IntArray, FloatArray, FloatArray], r: int, need: float) -> float:
-    """What a row's need costs at least."""
-    start, supply, price = table
-    low, high = start[r], start[r + 1]
-    if need <= 0.0:
-        return 0.0
-    end = high
-    while low < high:
-        middle = (low + high) // 2
-        if supply[middle] >= need - ROUND:
-            high = middle
-        else:
-            low = middle + 1
-    return float(price[low]) if low < end else np.inf
-
-
-@inner
-def _equivalent(sums: tuple[IntArray, FloatArray], r: int, need: float) -> float:
+def _equivalent(sums: FloatArray, size: int, r: int, need: float) -> float:
     """The largest need that is met whenever this one is."""
-    start, values = sums
-    low, high = start[r], start[r + 1]
-    end = high
-    if low == high:
+    low, high = 0, size
+    if size == 0:
         return need
     while low < high:
         middle = (low + high) // 2
-        if values[middle] >= need - ROUND:
+        if sums[r, middle] >= need - ROUND:
             high = middle
         else:
             low = middle + 1
-    return float(values[low]) if low < end else need
+    return float(sums[r, low]) if low < size else need
 
 
 @kernel
@@ -123,11 +115,13 @@ def undominated(
     order: NDArray[np.int64],
     count: int,
     kept: NDArray[np.int64],
+    packed: NDArray[np.int64],
     table: NDArray[np.int32],
 ) -> int:
     """How many partial plans stay with those in an order, most promising first, after so many; `kept` gets which.
 
-    `table` finds partial plans that stay by their needs; -1 where there is none.
+    `packed` holds the needs of those that stay, roughly and side by side in one number, so that most comparisons take one
+    subtraction. `table` finds partial plans that stay by their needs; -1 where there is none.
     """
     width, size = needs.shape[1], len(table)
     for o in range(len(order)):
@@ -147,7 +141,13 @@ def undominated(
             at = (at + 1) % size
         if is_out:
             continue
+        mine = 0
+        for s in range(min(width, LANES)):
+            mine = (mine << LANE) + int(needs[i, s] * 255.0)
+        guarded = mine | GUARDS
         for p in range(min(count, COMPARED)):
+            if (guarded - packed[p]) & GUARDS != GUARDS:
+                continue
             k = kept[p]
             if price[k] > price[i]:
                 continue
@@ -163,7 +163,7 @@ def undominated(
         while table[at] >= 0:
             at = (at + 1) % size
         table[at] = i
-        kept[count] = i
+        kept[count], packed[count] = i, mine
         count += 1
     return count
 
@@ -186,16 +186,18 @@ class Sweep:
     ----------
     problem
         The rows and cliques; each candidate in one clique at most.
-    tree
-        A search that has looked at its root: its decisions and prices are used.
+    priced
+        Prices of the rows' entries.
+    out
+        Candidates that no plan worth finding has, shape (candidates,).
     lower
-        The bound of the root.
+        What every plan costs at least.
     step
         By how much a plan must at least be cheaper to count; 0 for the least that can be told apart.
     """
 
-    def __init__(self, problem: Problem, tree: Tree, lower: float, step: float) -> None:
-        self.stages, self._first = route(problem, tree)
+    def __init__(self, problem: Problem, priced: Shares, out: NDArray[np.bool_], lower: float, step: float) -> None:
+        self.stages, self._first = route(problem, priced, out)
         self.step = step
         self.target = math.ceil(lower / step - 1e-6) * step if step > 0 else math.inf
         self.is_finished = False
@@ -214,7 +216,7 @@ class Sweep:
 
     @property
     def lower(self) -> float:
-        """What every plan costs at least that the root does not exclude: lower targets are refuted."""
+        """What every plan costs at least that is worth finding: lower targets are refuted."""
         return self.target if self.step > 0 else 0.0
 
     def turn(self, work: int, limit: float) -> bool:
@@ -257,13 +259,13 @@ class Sweep:
                 return
             yield
         needs, least, price, parent, pick = (np.concatenate(each) for each in zip(*parts, strict=True))
-        kept = np.empty(total, dtype=np.int64)
+        kept, packed = np.empty(total, dtype=np.int64), np.empty(total, dtype=np.int64)
         table = np.full(2 * total + 3, -1, dtype=np.int32)
         order = np.argsort(least, kind="stable")
         size = 0
         for first in range(0, total, PORTION):
             some = order[first : first + PORTION]
-            size = int(undominated(needs, price, some, size, kept, table))
+            size = int(undominated(needs, price, some, size, kept, packed, table))
             self.work += 1 + min(size, COMPARED) * len(some) // 4
             yield
         self.has_given_up = size > MOST
@@ -286,12 +288,16 @@ class Sweep:
             self._least,
             self._price,
             begin,
-            (stage.cost, stage.amount, stage.slots, stage.fresh),
-            stage.before.prices,
-            stage.after.prices,
-            stage.after.sums,
+            stage.cost,
+            stage.amount,
+            stage.slots,
+            stage.fresh,
+            stage.before,
+            stage.after,
+            stage.sums,
+            stage.size,
             min(self.target + 1e-6 * max(1.0, abs(self.target)), self._limit),
-            made,
+            *made,
         )
         self.work += 100 + (end - begin) * len(stage.cost)
         return end, [array[:count].copy() for array in made]

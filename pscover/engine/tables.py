@@ -2,92 +2,106 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 
 import numpy as np
 
+from .jit import inner, kernel
 from .problem import FloatArray, IntArray
 
-LABELS = 128
-"""Most points of a price curve; of more, neighbours are joined to one with the supply of one at the price of the other."""
+UNITS = 240
+"""Into how many units a demand is divided where prices are looked up; entries are rounded up, so that prices bound."""
 SUMS = 192
 """Most sums that entries can have; with more of them, needs are told apart as they are."""
+BELOW = 1e-6
+"""What a need in units may lose to rounding before the price of a whole unit less is taken."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Table:
-    """Of one row or of several.
+@kernel
+def fill(
+    row: IntArray,
+    start: IntArray,
+    amount: FloatArray,
+    share: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
+    sums: FloatArray,
+    size: IntArray,
+    full: FloatArray,
+) -> None:
+    """Go back along the way from its end: of each clique and row on it, what the row costs with the clique and without.
 
     Parameters
     ----------
-    prices
-        Where each row's points begin, their supplies, rising, and the price at which so much or more is had.
-    sums
-        Where each row's sums begin, and the sums, rising; none where they are too many.
+    row, start
+        Of each pair of a clique and a row, in the order of the way, and where its entries begin.
+    amount, share
+        Of each entry: by how much it meets the row, and its price.
+    before, after
+        Become the least prices of each number of units with the clique and those that come after, and with the latter
+        alone, shape (pairs, UNITS + 1).
+    sums, size
+        Become the sums that the latter can have, rising, shape (pairs, SUMS), and their number; 0 also if they are too many.
+    full
+        Becomes the least price of all of each row.
     """
-
-    prices: tuple[IntArray, FloatArray, FloatArray]
-    sums: tuple[IntArray, FloatArray]
-
-    def price_of(self, need: float) -> float:
-        """What a need of the first row costs at least; infinite if it cannot be met."""
-        start, supply, price = self.prices
-        at = int(np.searchsorted(supply[: start[1]], need - 1e-12))
-        return float(price[at]) if at < start[1] else np.inf
-
-    def with_group(self, amount: FloatArray, share: FloatArray) -> Table:
-        """The row with one more clique, of which it may have one entry."""
-        _, supply, price = self.prices
-        supply, price = np.concatenate(([0.0], supply)), np.concatenate(([0.0], price))
-        supplies = np.concatenate((supply, np.minimum(1.0, (supply[:, None] + amount)).ravel()))
-        prices = np.concatenate((price, (price[:, None] + share).ravel()))
-        order = np.lexsort((prices, -supplies))
-        supplies, prices = supplies[order], prices[order]
-        below = np.minimum.accumulate(prices)
-        is_kept = np.ones(len(prices), dtype=np.bool_)
-        is_kept[1:] = prices[1:] < below[:-1]
-        supplies, prices = supplies[is_kept][::-1], prices[is_kept][::-1]
-        # Nothing for nothing goes without saying; a free entry has replaced it already.
-        first = int(supplies[0] <= 0.0)
-        supplies, prices = supplies[first:], prices[first:]
-        while len(supplies) > LABELS:
-            odd = len(supplies) % 2
-            supplies, prices = (
-                np.concatenate((supplies[:odd], supplies[odd + 1 :: 2])),
-                np.concatenate((prices[:odd], prices[odd::2])),
-            )
-        return Table(prices=(_span(supplies), supplies.copy(), prices.copy()), sums=self._sums(amount))
-
-    def _sums(self, amount: FloatArray) -> tuple[IntArray, FloatArray]:
-        old = self.sums[1]
-        if len(old) == 0 and len(self.prices[1]):
-            return self.sums
-        old = np.concatenate(([0.0], old))
-        new = np.unique(np.minimum(1.0, np.concatenate((old, (old[:, None] + amount).ravel()))))[1:]
-        return (_span(new), new) if len(new) <= SUMS else (_span(new[:0]), new[:0])
-
-    @classmethod
-    def joined(cls, tables: list[Table]) -> Table:
-        """Several rows as one table."""
-        return cls(
-            prices=(
-                _starts([table.prices[1] for table in tables]),
-                np.concatenate([table.prices[1] for table in tables]),
-                np.concatenate([table.prices[2] for table in tables]),
-            ),
-            sums=(_starts([table.sums[1] for table in tables]), np.concatenate([table.sums[1] for table in tables])),
-        )
+    rows = len(full)
+    now = np.full((rows, UNITS + 1), np.inf)
+    reach = np.zeros((rows, SUMS))
+    reached = np.zeros(rows, dtype=np.int32)
+    room = np.zeros((2, SUMS + 1))
+    for j in range(rows):
+        now[j, 0] = 0.0
+    for p in range(len(row) - 1, -1, -1):
+        j = row[p]
+        for d in range(UNITS + 1):
+            after[p, d] = before[p, d] = now[j, d]
+        size[p] = max(0, reached[j])
+        for k in range(size[p]):
+            sums[p, k] = reach[j, k]
+        for t in range(start[p], start[p + 1]):
+            units = min(UNITS, math.ceil(amount[t] * UNITS - 1e-9))
+            for d in range(1, UNITS + 1):
+                more = share[t] + (after[p, d - units] if d > units else 0.0)
+                if more < before[p, d]:
+                    before[p, d] = more
+        for d in range(UNITS + 1):
+            now[j, d] = before[p, d]
+        if reached[j] >= 0:
+            reached[j] = _with_clique(reach[j], reached[j], amount[start[p] : start[p + 1]], room)
+    for j in range(rows):
+        full[j] = now[j, UNITS]
 
 
-def _span(values: FloatArray) -> IntArray:
-    return np.array([0, len(values)], dtype=np.int32)
+@inner
+def _with_clique(sums: FloatArray, size: int, amount: FloatArray, room: FloatArray) -> int:
+    """Add the sums that one entry more makes; how many there are then, -1 if too many."""
+    many = size
+    for k in range(size):
+        room[0, k] = sums[k]
+    for a in amount:
+        i, k, made = 0, -1, 0
+        while i < many or k < size:
+            theirs = min(1.0, a + (sums[k] if k >= 0 else 0.0)) if k < size else 2.0
+            mine = room[0, i] if i < many else 2.0
+            if made == SUMS and min(mine, theirs) > room[1, made - 1]:
+                return -1
+            if made == 0 or min(mine, theirs) > room[1, made - 1]:
+                room[1, made] = min(mine, theirs)
+                made += 1
+            if mine <= theirs:
+                i += 1
+            else:
+                k += 1
+        many = made
+        for i in range(many):
+            room[0, i] = room[1, i]
+    for k in range(many):
+        sums[k] = room[0, k]
+    return many
 
 
-def _starts(parts: list[FloatArray]) -> IntArray:
-    return np.cumsum([0, *map(len, parts)]).astype(np.int32)
-
-
-NOTHING = Table(
-    prices=(np.zeros(2, dtype=np.int32), np.zeros(0), np.zeros(0)), sums=(np.zeros(2, dtype=np.int32), np.zeros(0))
-)
-"""Of a row that nothing meets."""
+@inner
+def units_of(need: float) -> int:
+    """The units that entries, each rounded up, have together if they meet a need."""
+    return max(0, min(UNITS, math.ceil(need * UNITS - BELOW)))

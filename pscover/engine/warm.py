@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import atexit
+import os
 import subprocess
 import sys
+import tempfile
 import threading
+from pathlib import Path
 from typing import Any
 
-COMPILE = "import sys; sys.path[:] = sys.argv[1:]; from pscover.engine.warm import prepare; prepare()"
+from .jit import sources
+
+COMPILE = "import sys; sys.path[:] = sys.argv[1:]; from pscover.engine.warm import compile_in_turn; compile_in_turn()"
+KINDNESS = 10
+"""How much a compiling process steps back behind the one that plans meanwhile (nice)."""
 
 
 def prepare() -> None:
@@ -18,7 +25,7 @@ def prepare() -> None:
 
     from pscover.model import CoverForm
 
-    from . import branch, greedy, rowwise, state, subgradient, sweep, weighting
+    from . import branch, greedy, replaced, rowwise, state, subgradient, sweep, weighting
     from .problem import problem_of
 
     W, P = csr_array(np.array([[0.5, 0.6, 0.7]])), csr_array(np.array([[1.0, 1.0, 0.0]]))
@@ -27,21 +34,21 @@ def prepare() -> None:
     greedy.complete(problem, plan, problem.cost)
     weighting.search(problem, plan, 100, 2)
     weighting.adopt(problem, plan, np.array([2], dtype=np.int32))
-    branch.without_replaced(problem)
-    root = branch.Branching(problem)
-    root.turn(100)
-    sweep.Sweep(problem, root.tree, 0.0, 1.0).turn(100, 2.0)
+    replaced.stand_ins(problem)
+    branch.Branching(problem).turn(100)
     multipliers = subgradient.multipliers(problem)
     subgradient.ascend(problem, multipliers, 1, 2.0)
-    rowwise.improve(problem, rowwise.shares(problem, multipliers.y), 1, 2.0)
+    shares = rowwise.shares(problem, multipliers.y)
+    rowwise.improve(problem, shares, 1, 2.0)
+    sweep.Sweep(problem, shares, np.zeros(3, dtype=np.bool_), 0.0, 1.0).turn(100, 2.0)
 
 
 def is_on_disk() -> bool:
     """Whether every kernel has been compiled before, by this version of the sources and of numba."""
-    from . import branch, choice, greedy, rowwise, subgradient, sweep, weighting
+    from . import branch, greedy, replaced, rowwise, subgradient, sweep, tables, weighting
 
     kernels: tuple[Any, ...] = (
-        choice.thin,
+        replaced.thin,
         branch.explore,
         greedy.complete,
         weighting.search,
@@ -50,11 +57,36 @@ def is_on_disk() -> bool:
         rowwise.improve,
         sweep.expand,
         sweep.undominated,
+        tables.fill,
     )
     try:
         return all(kernel._cache._cache_file._load_index() for kernel in kernels)
     except AttributeError:
         return False
+
+
+def compile_in_turn() -> None:
+    """All that a compiling process does: compile at low priority, unless another one has while this one waited for it."""
+    if hasattr(os, "nice"):
+        os.nice(KINDNESS)
+    turn = _turn()
+    if not is_on_disk():
+        prepare()
+    if turn is not None:
+        os.close(turn)
+
+
+def _turn() -> int | None:
+    """Wait until no other process compiles; a lock that ends with the process. None where the system has none."""
+    try:
+        import fcntl
+
+        path = Path(tempfile.gettempdir()) / f"pscover-{os.getuid()}-{sources()[:16]}.lock"
+        lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+        fcntl.flock(lock, fcntl.LOCK_EX)
+    except (ImportError, OSError):
+        return None
+    return lock
 
 
 class Warming:

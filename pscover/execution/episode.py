@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from pscover.errors import InvalidResult, PscoverError
-from pscover.execution.episode_lines import decoded, encoded
+from pscover.execution.episode_lines import decoded, encoded, is_image
 from pscover.execution.events import Captured, Event, FrameLost, MotionFailed, Moved
 from pscover.execution.ledger import Ledger
 from pscover.files import read_bytes
@@ -211,6 +211,52 @@ def resumed(folder: str | PathLike[str], same_place: float) -> Ledger:
     for event in events(folder):
         ledger = ledger.after(event, same_place)
     return ledger
+
+
+def discard(folder: str | PathLike[str]) -> None:
+    """Delete a record, so that another can be made in its place; a folder that is missing or empty is left alone.
+
+    Only files with the names that a record gives are deleted: whatever else lies there stays.
+
+    Raises
+    ------
+    InvalidResult
+        If there is something else than a record in the folder: then nothing is deleted.
+    PscoverError
+        If the files cannot be deleted.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     Recorder(folder, Header(policy="random")).close()
+    ...     _ = Path(folder, "notes.txt").write_text("mine")
+    ...     discard(folder)
+    ...     [path.name for path in Path(folder).iterdir()]
+    ['notes.txt']
+    """
+    place = Path(folder)
+    try:
+        names = sorted(path.name for path in place.iterdir())
+    except FileNotFoundError:
+        return
+    except OSError as problem:
+        raise PscoverError(f"{folder}: cannot be read: {problem.strerror}") from None
+    if not names:
+        return
+    if LOG not in names:
+        raise InvalidResult(f"{folder}: expected a record ({LOG}) or an empty folder, got {names[0]!r}; use a new folder")
+    if next(_documents(place), None) is not None:
+        # A run may have ended before its first line was whole.
+        read_header(place)
+    try:
+        for name in names:
+            if name != LOG and is_image(name):
+                (place / name).unlink()
+        # Last, for it tells that the images are the record's.
+        (place / LOG).unlink()
+    except OSError as problem:
+        raise PscoverError(f"{folder}: cannot be deleted: {problem.strerror}") from None
 
 
 class Replay:

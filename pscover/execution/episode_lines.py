@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,19 @@ from pscover.scene import Scene
 from pscover.seen import Seen
 
 BYTE_LIMIT = 2**30
+IMAGE = re.compile(r"[0-9]{6,}(\.labels\.png|\.depth\.npz|\.png)")
+"""Names of a record's images, the number of their event first."""
+
+
+def is_image(name: str) -> bool:
+    """Whether a file's name is one that a record gives to its images.
+
+    Examples
+    --------
+    >>> [is_image(name) for name in ("000012.png", "000012.depth.npz", "000012.labels.png", "12.png", "photo.png")]
+    [True, True, True, False, False]
+    """
+    return IMAGE.fullmatch(name) is not None
 
 
 def encoded(event: Event, folder: Path, number: int) -> dict[str, Any]:

@@ -41,8 +41,8 @@ class Row:
         Its ratio to that of the policy `random` over the scenes that both have; NaN without such scenes.
     pph
         Garments removed an hour of the robot's clock, without computing.
-    trips, empty, places, fallen, left
-        Averages an episode; empty is a part of trips, and places are rearrangements.
+    trips, empty, stand_ins, places, fallen, left
+        Averages an episode; empty and stand_ins are parts of trips (see `Outcome`), and places are rearrangements.
     """
 
     policy: str
@@ -54,6 +54,7 @@ class Row:
     pph: Interval
     trips: float
     empty: float
+    stand_ins: float
     places: float
     fallen: float
     left: float
@@ -127,6 +128,7 @@ def _row(policy: str, own: dict[int, Outcome], base: dict[int, Outcome]) -> Row:
         pph=bootstrap([run.pph for run in runs]),
         trips=average([run.trips for run in runs]),
         empty=average([run.empty for run in runs]),
+        stand_ins=average([run.stand_ins for run in runs]),
         places=average([run.places for run in runs]),
         fallen=average([run.fallen for run in runs]),
         left=average([run.left for run in runs]),

@@ -37,7 +37,7 @@ class Store:
         Raises
         ------
         InvalidSettings
-            If it holds episodes that were run with other settings.
+            If it holds episodes that were run with other settings, or is no experiment's folder and holds anything.
         PscoverError
             If it cannot be written.
         """
@@ -47,7 +47,9 @@ class Store:
         except OSError as problem:
             raise PscoverError(f"{folder}: cannot be made a folder: {problem.strerror}") from None
         path, settings = store.folder / SETTINGS, _settings(trial)
-        if path.exists() and read_bytes(path, BYTE_LIMIT, InvalidResult) != settings:
+        if not path.exists():
+            _check_empty(store.folder)
+        elif read_bytes(path, BYTE_LIMIT, InvalidResult) != settings:
             raise InvalidSettings(f"{path}: expected the settings of this run, got others; use another folder for -o")
         write_bytes(path, settings)
         return store
@@ -88,6 +90,16 @@ class Store:
             ) from None
 
 
+def _check_empty(folder: Path) -> None:
+    """Raise `InvalidSettings` if there is anything in a folder that no experiment made."""
+    found = min((entry.name for entry in folder.iterdir()), default=None)
+    if found is not None:
+        raise InvalidSettings(
+            f"{folder}: expected the folder of an experiment ({SETTINGS}) or an empty one, got one with {found!r} in it; "
+            "use another folder for -o"
+        )
+
+
 def _constants(world: str) -> dict[str, Any] | None:
     """Of the simulated world: episodes under other constants are another experiment."""
     if world != "cloth":
@@ -101,7 +113,7 @@ def _constants(world: str) -> dict[str, Any] | None:
 def _settings(trial: Trial) -> bytes:
     """All settings but the policy, the seed, and where things are kept."""
     content: dict[str, Any] = {
-        "schema": "pscover.experiment/1",
+        "schema": "pscover.experiment/2",
         "world": trial.world,
         "constants": _constants(trial.world),
         "segmenter": trial.segmenter,

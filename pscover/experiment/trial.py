@@ -12,7 +12,7 @@ from typing import Any
 
 from pscover import registry
 from pscover.execution.declutter import PATIENCE, Patience, declutter
-from pscover.execution.episode import Header, Recorder
+from pscover.execution.episode import Header, Recorder, discard
 from pscover.execution.events import Decided, Ended, Event, MotionFailed, Moved
 from pscover.experiment.worlds import Kind, Sorting, World, opened
 from pscover.grasping.calibrated import Calibrated
@@ -69,6 +69,8 @@ class Outcome:
         Garments in the basket after each trip, less those before.
     picks, places, failures
         Motions made, and motions that failed. Places are the paper's rearrangements.
+    stand_ins
+        Trips by a random grasp in the policy's stead: it failed, or saw nothing to do where cloth lay.
     fallen
         Garments that fell off the table, which a person took away; they count for nobody.
     left
@@ -86,6 +88,7 @@ class Outcome:
     picks: int
     places: int
     failures: int
+    stand_ins: int
     fallen: int
     left: int
     seconds: float
@@ -112,8 +115,8 @@ class Outcome:
 
         Examples
         --------
-        >>> one = dict(policy="random", seed=0, picks=4, places=0, failures=0, fallen=0, left=0, seconds=90, reason="clear")
-        >>> outcome = Outcome(garments=5, carried=(2, 0, 1, 2), **one)
+        >>> one = dict(policy="random", seed=0, garments=5, fallen=0, left=0, seconds=90, reason="clear")
+        >>> outcome = Outcome(carried=(2, 0, 1, 2), picks=4, places=0, failures=0, stand_ins=0, **one)
         >>> outcome.opt, outcome.opt_without_empty, outcome.pph
         (1.25, 1.6666666666666667, 200.0)
         """
@@ -169,7 +172,7 @@ def run(trial: Trial) -> tuple[Outcome, Timing]:
     world = opened(trial.world, trial.seed, segmenter=trial.segmenter, cache=cache)
     first = world.count()
     carried: list[int] = []
-    picks = places = failures = 0
+    picks = places = failures = stand_ins = 0
     deciding, reason, so_far = 0.0, "", 0
     with ExitStack() as stack:
         watchers = _watchers(trial, world, stack)
@@ -191,6 +194,7 @@ def run(trial: Trial) -> tuple[Outcome, Timing]:
                     failures += 1
                 case Decided():
                     deciding += event.seconds
+                    stand_ins += event.policy != policy.name
                 case Ended():
                     reason = str(event.reason)
                 case _:
@@ -204,6 +208,7 @@ def run(trial: Trial) -> tuple[Outcome, Timing]:
         picks=picks,
         places=places,
         failures=failures,
+        stand_ins=stand_ins,
         fallen=last.off_table,
         left=last.on_table,
         seconds=world.seconds(),
@@ -226,8 +231,7 @@ def _watchers(trial: Trial, world: World, stack: ExitStack) -> list[Callable[[Ev
 
 def _recorder(trial: Trial, pixels_per_cm: float) -> Recorder:
     folder = Path(trial.record) / trial.policy / f"{trial.seed:04d}"
-    for old in folder.glob("*") if folder.is_dir() else ():
-        # An episode that was cut off begins anew: a simulated world cannot be taken up in the middle.
-        old.unlink()
+    # An episode that was cut off begins anew: a simulated world cannot be taken up in the middle.
+    discard(folder)
     header = Header(policy=trial.policy, options=dict(trial.options), seed=trial.seed, pixels_per_cm=pixels_per_cm)
     return Recorder(folder, header)
