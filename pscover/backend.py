@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 from pscover.model import Model
 from pscover.result import Answer, Observer, Settings
@@ -42,4 +42,13 @@ class Backend(Protocol):
         `settings.time` is what is left of the deadline; `settings.start` are candidate indices. `Progress.objective` and
         `.bound` include `model.offset`. When `observe` returns True, stop with the best plan so far.
         """
+        ...
+
+
+@runtime_checkable
+class SlowToStart(Protocol):
+    """What a backend may have besides: something to load before its first solve."""
+
+    def warm_up(self) -> None:
+        """Begin to load it in the background, and return at once."""
         ...

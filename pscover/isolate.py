@@ -8,6 +8,7 @@ once, each with a worker of its own. No signal handler is installed and no modul
 from __future__ import annotations
 
 import atexit
+import importlib
 import itertools
 import json
 import os
@@ -21,7 +22,7 @@ from dataclasses import replace
 from typing import Any
 
 from pscover import registry
-from pscover.backend import Backend
+from pscover.backend import Backend, SlowToStart
 from pscover.clock import Clock
 from pscover.errors import EngineFailed
 from pscover.instance import IntArray
@@ -161,18 +162,29 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_forget)
 
 
-def warm_up(backend: str | Backend = "highs") -> None:
-    """Start a process for an engine now, so that the first solve under a short deadline need not wait for it.
+def warm_up(backend: str | Backend | None = None) -> None:
+    """Get an engine ready now, so that the first solve under a short deadline need not wait for it.
 
-    It returns at once; the process is up after about 0.4 s, and some engines take seconds to import. Engines that run in
-    the caller's process need none.
+    The engine starts in the background: a process of its own is up after about 0.4 s, and some engines take seconds to
+    import; kernels are loaded in about a second, and compiled when they are needed for the first time on a machine.
+
+    Parameters
+    ----------
+    backend
+        The engine, by name or made by hand. By default the one that `pscover.plan` takes, and what else that needs is
+        imported before this returns.
 
     Raises
     ------
     UnknownName, MissingDependency
         As for `solve`.
     """
-    engine = registry.backend(backend) if isinstance(backend, str) else backend
+    if backend is None:
+        importlib.import_module("pscover.inputs")
+    chosen = registry.planning_backend() if backend is None else backend
+    engine = registry.backend(chosen) if isinstance(chosen, str) else chosen
+    if isinstance(engine, SlowToStart):
+        engine.warm_up()
     if engine.isolated:
         _release(_hire(engine))
 

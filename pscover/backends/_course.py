@@ -154,7 +154,7 @@ class Course:
         if not self._open() or session.over():
             return
         if session.left > 2 * SHORTEST:
-            isolate.warm_up()
+            isolate.warm_up("highs")
         self._settle(0.3 * session.left if math.isfinite(session.left) else 1e9)
         for block in self._open():
             rate = SLOW if block.is_fractional else RATE

@@ -63,6 +63,12 @@ class Auto:
         """Every model with one objective is taken."""
         return None
 
+    def warm_up(self) -> None:
+        """Begin to load the kernels, or to compile them."""
+        from pscover.engine.warm import warming
+
+        warming()
+
     def solve(self, model: Model, settings: Settings, observe: Observer) -> Answer:
         """Solve to proven optimality, or as far as the time allows."""
         session = Session(model, settings, observe)

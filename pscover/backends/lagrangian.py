@@ -54,6 +54,12 @@ class Lagrangian:
         """Anything but covering and packing rows over binaries with costs of at least 0."""
         return refusal(model)
 
+    def warm_up(self) -> None:
+        """Begin to load the kernels, or to compile them."""
+        from pscover.engine.warm import warming
+
+        warming()
+
     def solve(self, model: Model, settings: Settings, observe: Observer) -> Answer:
         """Plans and a bound, until they meet, neither moves, or the session is over."""
         from pscover.engine.problem import several

@@ -45,6 +45,12 @@ class LocalSearch:
         """Anything but covering and packing rows over binaries with costs of at least 0."""
         return refusal(model)
 
+    def warm_up(self) -> None:
+        """Begin to load the kernels, or to compile them."""
+        from pscover.engine.warm import warming
+
+        warming()
+
     def solve(self, model: Model, settings: Settings, observe: Observer) -> Answer:
         """Search until the plan is proven by a simple bound, the moves are used up, or the session is over."""
         from pscover.engine.warm import warming

@@ -95,6 +95,6 @@ def prepare() -> None:
 
     if not warming().wait(KERNELS):
         sys.exit("the kernels could not be compiled")
-    isolate.warm_up()
+    isolate.warm_up("highs")
     for waiting in isolate._idle:
         waiting.inbox.get()
