@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -11,11 +12,11 @@ pytest.importorskip("numba")
 
 from pscover import registry
 from pscover.engine.block import Block
-from pscover.engine.branch import Branching
 from pscover.engine.problem import Problem, problem_of
 from pscover.engine.replaced import stand_ins
 from pscover.engine.rowwise import improve, shares
 from pscover.engine.subgradient import ascend, multipliers
+from pscover.engine.tree import Branching
 from pscover.enumeration import enumerate_best
 from pscover.generate.psc import random_psc
 from pscover.goal import Cover
@@ -89,11 +90,16 @@ def _discounted(cost: np.ndarray, i: int) -> np.ndarray:
 
 def finish(problem: Problem, upper: float = np.inf, step: float = 0.0) -> np.ndarray | None:
     """The best plan below `upper`, None if there is none; in short turns, so that it is resumed often."""
-    search = Branching(problem, upper, step)
+    search = tree(problem, upper, step)
     while not search.is_finished:
         assert search.work < 10_000_000
         search.turn(500)
-    return search.plan if search.tree.counts[5] else None
+    return search.plan
+
+
+def tree(problem: Problem, upper: float = np.inf, step: float = 0.0) -> Branching:
+    """A search with prices that nobody improved."""
+    return Branching(problem, shares(problem, multipliers(problem).y), upper, step)
 
 
 def test_branching_is_exact() -> None:
@@ -105,6 +111,38 @@ def test_branching_is_exact() -> None:
             assert plan is not None
             assert problem.cost[plan].sum() == pytest.approx(best, abs=1e-9)
             assert finish(problem, upper=best) is None
+
+
+def entangled(seed: int) -> Instance:
+    """Candidates with different costs, most of them in several cliques; some instances have no plan."""
+    random = np.random.default_rng(seed)
+    drawn = random_psc(4, 12, covers=2, required=0.75, low=0.3, high=0.9, seed=seed)
+    pairs = [pair for pair in itertools.combinations(range(12), 2) if random.random() < 0.3]
+    return Instance.of(drawn.probability, drawn.required, random.uniform(0.5, 2.0, 12), conflicts=np.array(pairs))
+
+
+def test_branching_is_exact_where_candidates_are_in_several_cliques() -> None:
+    ends = set()
+    for seed in range(40):
+        instance = entangled(seed)
+        best, _ = enumerate_best(instance, Cover())
+        form = as_cover(registry.formulation("clique").build(instance))
+        problem, _ = problem_of(form)
+        block = Block(form, np.arange(12, dtype=np.int32), 0, 0.0)
+        assert not problem.is_split
+        if (np.diff(problem.rptr) == 0).any():
+            continue
+        plan = finish(problem)
+        assert (None if plan is None else problem.cost[plan].sum()) == (None if best is None else pytest.approx(best[0]))
+        assert plan is None or best is None or finish(problem, upper=best[0]) is None
+        for _ in range(200):
+            if block.is_open:
+                block.explore()
+        assert not block.is_open
+        assert block.is_infeasible == (best is None)
+        assert best is None or [block.cost, block.bound] == pytest.approx([best[0], best[0]])
+        ends.add(block.is_infeasible)
+    assert ends == {True, False}
 
 
 def test_branching_is_exact_in_whole_steps() -> None:
@@ -136,13 +174,16 @@ def test_branching_agrees_with_highs(clique_size: int | None) -> None:
 
 def test_branching_depends_on_work_only_and_its_bound_holds() -> None:
     problem, _ = problem_of(as_cover(registry.formulation("clique").build(random_psc(20, 60, covers=3, seed=1))))
-    once, often = Branching(problem, step=1.0), Branching(problem, step=1.0)
+    once, often = tree(problem, step=1.0), tree(problem, step=1.0)
     while not once.is_finished:
         once.turn(10_000_000)
+    assert once.plan is not None
     best = problem.cost[once.plan].sum()
     while not often.is_finished:
         often.turn(2_000)
-        assert often.lower <= best + 1e-6
+        assert often.is_finished or often.lower <= best + 1e-6
+    assert once.plan is not None
+    assert often.plan is not None
     assert once.plan.tolist() == often.plan.tolist()
     assert once.nodes == often.nodes
 

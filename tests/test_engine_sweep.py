@@ -130,7 +130,7 @@ def test_a_block_finds_the_best_plan_or_that_there_is_none() -> None:
         block = Block(form, np.arange(14, dtype=np.int32), 0, 1.0)
         for _ in range(500):
             if block.is_open:
-                block.explore(math.inf)
+                block.explore()
         assert not block.is_open
         assert block.is_infeasible == (least is None)
         assert least is None or (block.cost, block.bound) == (least[0], least[0])

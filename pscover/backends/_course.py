@@ -36,8 +36,8 @@ TREE = 0.6
 """The part of the time that branch and bound of our own may take on small blocks."""
 FOREST = 60.0
 """Seconds that it may take where there is no limit."""
-BRIEF = 20_000_000
-"""Labels and entries that it looks at before it leaves the form to presolve, where it is tried at once."""
+BRIEF = 6_400_000
+"""Entries that it looks at before it leaves the form to presolve, where it is tried at once."""
 AT_ONCE = 0.25
 """The part of the time that this may take."""
 SHORTEST = 0.3
@@ -100,11 +100,11 @@ class Course:
         for block in self.blocks:
             # A short search: every block has a plan before one of them takes long.
             if block.is_open and block.is_small and not session.over():
-                block.explore(session.left)
+                block.explore()
         self._tell()
         for block in self.blocks:
             while block.is_open and block.is_small and not session.over() and not session.is_proven():
-                if block.explore(session.left):
+                if block.explore():
                     self._tell()
                 if block.work > BRIEF or session.seconds > end:
                     return None
@@ -206,7 +206,7 @@ class Course:
             if not blocks:
                 return
             for block in blocks:
-                if block.explore(self.session.left):
+                if block.explore():
                     self._tell()
                 if self.session.over():
                     return

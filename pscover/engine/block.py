@@ -17,16 +17,16 @@ from .problem import IntArray, Problem, problem_of
 from .sweep import Sweep, worth
 
 if TYPE_CHECKING:
-    from .branch import Branching
     from .hunt import Hunt
     from .rowwise import Shares
     from .subgradient import Multipliers
+    from .tree import Branching
 
 BUSHY, PLAIN = 8_000, 600
 """Most entries for which branch and bound of our own is tried, where several must work together and where they are full."""
-TURN = 40_000
-"""Labels and entries that a turn of it looks at: a few milliseconds."""
-SWIFT = 8
+TURN = 12_800
+"""Entries that a turn of it looks at: a few milliseconds."""
+SWIFT = 25
 """How many times as much a sweep looks at in that time."""
 FIRST = 20
 """Moves a row of local search before it begins."""
@@ -143,8 +143,7 @@ class Block:
     @property
     def is_small(self) -> bool:
         """Whether branch and bound of our own may finish it."""
-        given_up = self.branching is not None and self.branching.has_given_up
-        return len(self.problem.lines) <= (BUSHY if self.is_fractional else PLAIN) and not given_up
+        return len(self.problem.lines) <= (BUSHY if self.is_fractional else PLAIN)
 
     @property
     def work(self) -> int:
@@ -152,11 +151,8 @@ class Block:
         tree = 0 if self.branching is None else self.branching.work
         return tree if self.sweep is None else tree + self.sweep.work // SWIFT
 
-    def explore(self, seconds: float) -> bool:
-        """A turn: a short search, prices of rows, a sweep if that is possible, else a tree; whether it helped.
-
-        With few seconds left, the turn is shorter.
-        """
+    def explore(self) -> bool:
+        """A turn: a short search, prices of rows, a sweep if that is possible, else a tree; whether it helped."""
         if self.hunt is None:
             return self._search_briefly()
         if self.shares is None:
@@ -167,7 +163,7 @@ class Block:
             self.sweep = Sweep(self.problem, self.shares, self._hopeless(), self.bound, step)
         if self.sweep is not None and not self.sweep.has_given_up:
             return self._sweep()
-        return self._branch(seconds)
+        return self._branch()
 
     def _price(self) -> bool:
         """Share the candidates' costs among their rows; whether the bound rose or proved something."""
@@ -190,15 +186,18 @@ class Block:
         most: NDArray[np.bool_] = float(self.shares.value[0]) + self.shares.penalty > worth(self.cost, self.step) + 1e-7
         return most
 
-    def _branch(self, seconds: float) -> bool:
+    def _branch(self) -> bool:
         """A turn of the tree; whether it helped."""
-        from .branch import Branching
+        from .tree import Branching
 
+        assert self.shares is not None
         if self.branching is None:
-            self.branching = Branching(self.problem, self.cost, self.step)
-        tree = self.branching
+            self.branching = Branching(self.problem, self.shares, self.cost, self.step)
+        tree, moved = self.branching, False
         tree.know(self.cost)
-        moved = tree.turn(1 if tree.nodes == 0 else TURN, seconds) and self.offer(self.kept[tree.plan])
+        if tree.turn(TURN):
+            assert tree.plan is not None
+            moved = self.offer(self.kept[tree.plan])
         if tree.is_finished:
             return self._exhausted()
         return self.prove(min(tree.lower, self.cost)) or moved

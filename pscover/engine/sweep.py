@@ -3,7 +3,7 @@
 Clique after clique one of its candidates or none is taken. All that the rest asks of what came before is what the rows at
 the front still need, so that of two partial plans one is dropped if it costs no less and leaves no row nearer to being met
 (dynamic programming over a path decomposition; Pareto labels as in resource-constrained shortest paths). Prices of rows
-(`nodes`) bound what the rest costs at least: partial plans that cannot end within a target are dropped as well. Targets
+(`rowwise`) bound what the rest costs at least: partial plans that cannot end within a target are dropped as well. Targets
 rise from the bound by the least step of costs until a plan is found, so that the first one found is the best.
 """
 

@@ -1,252 +1,218 @@
-"""A tree of choices as the kernels keep it: what is in and out, what rows still need, and the way back."""
+"""Small problems to proven optimality where no sweep can: branch and bound, each node bounded by its rows one by one.
+
+A node is what is taken and which entries are left; prices (`rowwise`) begin where those of its parent ended, and leave out
+what no better plan has. It branches on a group, the largest clique of each candidate or the candidate alone: on one of its
+candidates after the other, then on none of them.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .cheapest import Labels, labels
-from .jit import inner
+from . import rowwise
 from .problem import TOLERANCE, FloatArray, IntArray, Problem
+from .rowwise import UNITS, Shares, improve
+from .sweep import worth
 
-# Places in Tree.counts.
-DEPTH, TRAIL, WORK, NODES, FRESH, FOUND, ENOUGH = range(7)
-# Places in Tree.value.
-UPPER, STEP, SPENT, LENGTH = range(4)
-FREE, IN, OUT = range(3)
-FOREVER = 1 << 62
-DEEPEST = 120
-"""Levels of the tree; a search that would go deeper gives up."""
+STEPS, GLANCE = 20, 5
+"""Steps on the prices of a node at most, and between two looks at whether they will do."""
+LENGTH = 0.1
+"""Of the first step at a node."""
 
 
-class Tree(NamedTuple):
-    """A depth-first search at any moment; all of it, so that it can be stopped and resumed.
-
-    Entries are by row, those of a clique side by side; a candidate's price is shared out over its entries.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Node:
+    """Plans that have some candidates, and others only of those that are left.
 
     Parameters
     ----------
-    start
-        Where each row's entries begin, shape (rows + 1,).
-    candidate, group, amount
-        Of each entry: its candidate, that one's group and by how much it meets the row.
-    share, mean, chosen
-        Of each entry: its part of the price, how often it was chosen lately, and whether it was in the last choice.
-    is_open
-        Of each entry: whether its candidate is undecided and its row not met.
-    ptr, where
-        The entries of each candidate.
-    mptr, members
-        The candidates of each clique.
-    gptr, grouped
-        The candidates of each group: the largest clique of each, or the candidate alone.
-    need
-        What each row still asks for.
-    state
-        Of each candidate: FREE, IN or OUT.
-    trail, mark, pick, side
-        The candidates decided, in order; of each level, how many had been when it began, the group that it branches on, and
-        which candidate of the group it tries, none at first.
-    lower, spent, prices, needs
-        Of each level: its bound, what its choices cost, its shares and its rows.
-    kept, sum, penalty
-        The shares at the best bound of a node; sums over the entries of a candidate; by how much taking it raises the bound.
-    least, gain, touched, tried, idle
-        What each row costs on its own; by how much leaving out a group raises the bound, whether that was looked at, which
-        entries were, and room for choices that are not used.
-    flag, supply, held
-        Of a plan on trial: its candidates, what each row gets, and how many it has of each clique.
-    best
-        Whether each candidate is in the best plan found.
-    labels
-        Room for the row at hand.
-    counts, value
-        Counters and amounts; see the names above.
+    taken
+        What they have.
+    entries
+        What else they may have: entries of rows that still need something, in their order.
+    share, mean
+        Of each of these: its part of the price, and how often it was chosen lately.
+    lower
+        What these plans cost at least.
     """
 
-    start: IntArray
-    candidate: IntArray
-    group: IntArray
-    amount: FloatArray
+    taken: tuple[int, ...]
+    entries: IntArray
     share: FloatArray
     mean: FloatArray
-    chosen: NDArray[np.bool_]
-    is_open: NDArray[np.bool_]
-    ptr: IntArray
-    where: IntArray
-    mptr: IntArray
-    members: IntArray
-    gptr: IntArray
-    grouped: IntArray
-    need: FloatArray
-    state: IntArray
-    trail: IntArray
-    mark: IntArray
-    pick: IntArray
-    side: IntArray
-    lower: FloatArray
-    spent: FloatArray
-    prices: FloatArray
-    needs: FloatArray
-    kept: FloatArray
-    sum: FloatArray
-    penalty: FloatArray
-    least: FloatArray
-    gain: FloatArray
-    touched: NDArray[np.bool_]
-    tried: NDArray[np.bool_]
-    idle: NDArray[np.bool_]
-    flag: NDArray[np.bool_]
-    supply: FloatArray
-    held: IntArray
-    best: NDArray[np.bool_]
-    labels: Labels
-    counts: NDArray[np.int64]
-    value: FloatArray
+    lower: float
 
 
-def tree(problem: Problem, upper: float, step: float) -> Tree:
-    """The root: everything undecided, prices shared in proportion to the entries."""
-    n, m, entries = problem.candidates, problem.rows, len(problem.lines)
-    row = np.repeat(np.arange(m, dtype=np.int32), np.diff(problem.rptr))
-    candidate = problem.lines["candidate"]
-    home = np.where(problem.home < 0, int(problem.cliques[0]) + np.arange(n), problem.home)
-    order = np.lexsort((home[candidate], row))
-    candidate = candidate[order].astype(np.int32)
-    amount = problem.lines["entry"][order]
-    kinds, group = np.unique(home, return_inverse=True)
-    total = np.bincount(candidate, amount, n)
-    clique = problem.gclq
-    member = np.repeat(np.arange(n, dtype=np.int32), np.diff(problem.gptr))
-    cliques = int(problem.cliques[0])
-    longest = int(np.diff(problem.rptr).max(initial=0))
-    return Tree(
-        start=problem.rptr,
-        candidate=candidate,
-        group=group[candidate].astype(np.int32),
-        amount=np.ascontiguousarray(amount),
-        share=amount / total[candidate] * problem.cost[candidate] * (1 - 1e-14),
-        mean=np.full(entries, -1.0),
-        chosen=np.zeros(entries, dtype=np.bool_),
-        is_open=np.ones(entries, dtype=np.bool_),
-        ptr=problem.cptr,
-        where=np.argsort(candidate, kind="stable").astype(np.int32),
-        mptr=np.concatenate(([0], np.cumsum(np.bincount(clique, minlength=cliques)))).astype(np.int32),
-        members=member[np.argsort(clique, kind="stable")],
-        gptr=np.concatenate(([0], np.cumsum(np.bincount(group, minlength=len(kinds))))).astype(np.int32),
-        grouped=np.argsort(group, kind="stable").astype(np.int32),
-        need=np.ones(m),
-        state=np.zeros(n, dtype=np.int32),
-        trail=np.zeros(n + 1, dtype=np.int32),
-        mark=np.zeros(DEEPEST, dtype=np.int32),
-        pick=np.full(DEEPEST, -1, dtype=np.int32),
-        side=np.full(DEEPEST, -1, dtype=np.int32),
-        lower=np.zeros(DEEPEST),
-        spent=np.zeros(DEEPEST),
-        prices=np.zeros((DEEPEST, entries)),
-        needs=np.zeros((DEEPEST, m)),
-        kept=np.zeros(entries),
-        sum=np.zeros(n),
-        penalty=np.zeros(n),
-        least=np.zeros(m),
-        gain=np.zeros(len(kinds)),
-        touched=np.zeros(len(kinds), dtype=np.bool_),
-        tried=np.zeros(entries, dtype=np.bool_),
-        idle=np.zeros(entries, dtype=np.bool_),
-        flag=np.zeros(n, dtype=np.bool_),
-        supply=np.zeros(m),
-        held=np.zeros(cliques, dtype=np.int32),
-        best=np.zeros(n, dtype=np.bool_),
-        labels=labels(longest),
-        counts=np.array([0, 0, 0, 0, 1, 0, FOREVER], dtype=np.int64),
-        value=np.array([upper, step, 0.0, 0.1]),
-    )
+class Branching:
+    """A depth-first search in short turns; its nodes depend on the problem, its prices and the plans it knows only.
 
-
-@inner
-def exclude(tree: Tree, i: int) -> None:
-    """Leave a free candidate out."""
-    tree.state[i] = OUT
-    tree.trail[tree.counts[TRAIL]] = i
-    tree.counts[TRAIL] += 1
-    for s in range(tree.ptr[i], tree.ptr[i + 1]):
-        tree.is_open[tree.where[s]] = False
-
-
-@inner
-def include(problem: Problem, tree: Tree, i: int) -> None:
-    """Take a free candidate, and leave out what it excludes."""
-    tree.state[i] = IN
-    tree.trail[tree.counts[TRAIL]] = i
-    tree.counts[TRAIL] += 1
-    tree.value[SPENT] += problem.cost[i]
-    for s in range(tree.ptr[i], tree.ptr[i + 1]):
-        t = tree.where[s]
-        tree.is_open[t] = False
-    for s in range(problem.cptr[i], problem.cptr[i + 1]):
-        j = problem.columns[s]["row"]
-        tree.need[j] -= problem.columns[s]["entry"]
-        if tree.need[j] <= TOLERANCE:
-            for t in range(tree.start[j], tree.start[j + 1]):
-                tree.is_open[t] = False
-    for s in range(problem.gptr[i], problem.gptr[i + 1]):
-        g = problem.gclq[s]
-        for u in range(tree.mptr[g], tree.mptr[g + 1]):
-            if tree.state[tree.members[u]] == FREE:
-                exclude(tree, tree.members[u])
-
-
-@inner
-def enter(tree: Tree, pick: int, lower: float) -> None:
-    """Begin a level that branches on a group."""
-    depth = tree.counts[DEPTH]
-    tree.mark[depth] = tree.counts[TRAIL]
-    tree.pick[depth] = pick
-    tree.side[depth] = tree.gptr[pick] - 1
-    tree.lower[depth] = lower
-    tree.spent[depth] = tree.value[SPENT]
-    for t in range(len(tree.share)):
-        tree.prices[depth, t] = tree.share[t]
-    for j in range(len(tree.need)):
-        tree.needs[depth, j] = tree.need[j]
-    tree.counts[DEPTH] = depth + 1
-
-
-@inner
-def undo(tree: Tree) -> None:
-    """Go back to where the last level began."""
-    depth = tree.counts[DEPTH] - 1
-    while tree.counts[TRAIL] > tree.mark[depth]:
-        tree.counts[TRAIL] -= 1
-        tree.state[tree.trail[tree.counts[TRAIL]]] = FREE
-    tree.value[SPENT] = tree.spent[depth]
-    for j in range(len(tree.need)):
-        tree.need[j] = tree.needs[depth, j]
-        is_short = tree.need[j] > TOLERANCE
-        for t in range(tree.start[j], tree.start[j + 1]):
-            tree.share[t] = tree.prices[depth, t]
-            tree.is_open[t] = is_short and tree.state[tree.candidate[t]] == FREE
-
-
-@inner
-def advance(problem: Problem, tree: Tree) -> None:
-    """Begin the next child of the last level.
-
-    One candidate of its group after the other is tried, then none of them: what comes last is no level of its own.
+    Parameters
+    ----------
+    problem
+        The rows and cliques.
+    priced
+        Prices of the rows' entries to begin with.
+    upper
+        The cost of a plan at hand.
+    step
+        By how much a plan must at least be cheaper to count; 0 for the least that can be told apart.
     """
-    undo(tree)
-    depth = tree.counts[DEPTH] - 1
-    g = tree.pick[depth]
-    while tree.side[depth] < tree.gptr[g + 1]:
-        tree.side[depth] += 1
-        if tree.side[depth] < tree.gptr[g + 1]:
-            i = tree.grouped[tree.side[depth]]
-            if tree.state[i] == FREE:
-                include(problem, tree, i)
-                return
-    tree.counts[DEPTH] = depth
-    for s in range(tree.gptr[g], tree.gptr[g + 1]):
-        if tree.state[tree.grouped[s]] == FREE:
-            exclude(tree, tree.grouped[s])
+
+    def __init__(self, problem: Problem, priced: Shares, upper: float = math.inf, step: float = 0.0) -> None:
+        self.problem, self.upper, self.step = problem, upper, step
+        self.plan: IntArray | None = None
+        self.nodes = self.work = 0
+        self._priced = priced
+        self._row = np.repeat(np.arange(problem.rows, dtype=np.int32), np.diff(problem.rptr))
+        lines = problem.lines["candidate"]
+        home = np.where(problem.home < 0, int(problem.cliques[0]) + np.arange(problem.candidates), problem.home)
+        # In this order shares are kept.
+        self._amount = problem.lines["entry"][np.lexsort((home[lines], self._row))]
+        self._home = np.unique(home, return_inverse=True)[1]
+        member = np.repeat(np.arange(problem.candidates), np.diff(problem.gptr))
+        order = np.argsort(problem.gclq, kind="stable")
+        ends = np.searchsorted(problem.gclq[order], np.arange(int(problem.cliques[0]) + 1))
+        self._members = np.split(member[order], ends[1:-1])
+        every = np.arange(len(lines), dtype=np.int32)
+        self._stack = [Node(taken=(), entries=every, share=priced.kept.copy(), mean=np.full(len(lines), -1.0), lower=0.0)]
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether no node is left."""
+        return not self._stack
+
+    @property
+    def lower(self) -> float:
+        """What every plan costs at least that is still to be found."""
+        return min((node.lower for node in self._stack), default=math.inf)
+
+    @property
+    def _most(self) -> float:
+        """What a plan that is better than the one at hand may cost."""
+        return worth(self.upper, self.step)
+
+    def turn(self, work: int) -> bool:
+        """Go on for so much work, until a better plan is found, or to the end; whether one was found."""
+        end = self.work + work
+        while self._stack and self.work < end:
+            node = self._stack.pop()
+            if node.lower <= self._most and self._explore(node):
+                return True
+        return False
+
+    def know(self, upper: float) -> None:
+        """A plan of that cost is at hand."""
+        self.upper = min(upper, self.upper)
+
+    def _explore(self, node: Node) -> bool:
+        """Bound a node, and put its children on the stack; whether it was a better plan."""
+        self.nodes += 1
+        taken = np.array(node.taken, dtype=np.int64)
+        need, spent = self._need(taken), float(self.problem.cost[taken].sum())
+        if not (need > 0).any():
+            self.plan, self.upper = np.sort(taken).astype(np.int32), spent
+            self.work += 1
+            return True
+        priced = self._shares(node, need)
+        bound = self._bound(priced, self._most - spent)
+        lower = max(node.lower, spent + bound)
+        if lower > self._most or math.isinf(lower):
+            return False
+        stays = spent + bound + priced.penalty[priced.candidate] <= self._most
+        if stays.any():
+            self._branch(node, priced, stays, lower, spent + bound)
+        return False
+
+    def _need(self, taken: NDArray[np.int64]) -> FloatArray:
+        """What each row still needs."""
+        need = np.full(self.problem.rows, 1.0 - TOLERANCE)
+        for i in taken:
+            column = self.problem.columns[self.problem.cptr[i] : self.problem.cptr[i + 1]]
+            need[column["row"]] -= column["entry"]
+        return need
+
+    def _shares(self, node: Node, need: FloatArray) -> Shares:
+        """Prices to begin with: what rows paid that need nothing any more, the others pay in proportion."""
+        n = self.problem.candidates
+        entries = node.entries
+        candidate, row = self._priced.candidate[entries], self._row[entries]
+        total = np.bincount(candidate, node.share, n)
+        covers = np.bincount(candidate, minlength=n).astype(np.int32)
+        none = total[candidate] <= 0
+        share = np.where(none, 1.0 / covers[candidate], node.share / np.where(none, 1.0, total[candidate]))
+        size = np.ceil(np.minimum(self._amount[entries] / need[row], 1.0) * UNITS - 1e-9)
+        # Rows that need nothing are met by the price of nothing: they are left out.
+        starts = np.searchsorted(row, np.flatnonzero(need > 0))
+        rows = len(starts)
+        share *= self.problem.cost[candidate] * (1 - 1e-14)
+        return Shares(
+            share=share,
+            kept=share.copy(),
+            mean=node.mean,
+            starts=np.concatenate((starts, [len(row)])).astype(np.int32),
+            candidate=candidate,
+            group=self._priced.group[entries],
+            units=size.astype(np.int32),
+            covers=covers,
+            low=np.zeros(rows, dtype=np.int32),
+            high=np.full(rows, -1, dtype=np.int32),
+            chosen=np.ones(len(entries), dtype=np.int32),
+            penalty=np.zeros(n),
+            value=np.array([-np.inf, LENGTH, 0.0, 0.0, 1.0]),
+        )
+
+    def _bound(self, priced: Shares, most: float) -> float:
+        """What the rest costs at least, by a few steps, or fewer if that is more than the most."""
+        goal = min(most, float(self.problem.cost.sum()))
+        goal += 1e-6 * max(1.0, abs(goal))
+        bound = -math.inf
+        while bound <= goal and priced.value[rowwise.STEPS] < STEPS:
+            before = priced.value[rowwise.STEPS]
+            bound = float(improve(self.problem, priced, GLANCE, goal))
+            self.work += GLANCE * (len(priced.share) + len(priced.starts))
+            if priced.value[rowwise.STEPS] < before + GLANCE:
+                break
+        return bound
+
+    def _branch(self, node: Node, priced: Shares, stays: NDArray[np.bool_], lower: float, bound: float) -> None:
+        """Put the children on the stack, that of the cheapest candidate on top."""
+        group = self._telling(priced, stays)
+        here = np.unique(priced.candidate[stays])
+        some = here[self._home[here] == group]
+        for gone, taken in [(some, -1), *((some, i) for i in some[np.argsort(-priced.penalty[some], kind="stable")])]:
+            out = np.zeros(self.problem.candidates, dtype=np.bool_)
+            out[gone] = True
+            least, more = lower, node.taken
+            if taken >= 0:
+                for g in self.problem.gclq[self.problem.gptr[taken] : self.problem.gptr[taken + 1]]:
+                    out[self._members[g]] = True
+                more = (*node.taken, int(taken))
+                least = max(lower, bound + float(priced.penalty[taken]))
+            short = self._need(np.array(more, dtype=np.int64)) > 0
+            kept = stays & ~out[priced.candidate] & short[self._row[node.entries]]
+            self._stack.append(
+                Node(
+                    taken=more,
+                    entries=node.entries[kept],
+                    share=priced.kept[kept],
+                    mean=priced.mean[kept],
+                    lower=least,
+                )
+            )
+
+    def _telling(self, priced: Shares, stays: NDArray[np.bool_]) -> int:
+        """The group on whose candidates rows disagree most, relative to how many there are."""
+        n = self.problem.candidates
+        candidate = priced.candidate[stays]
+        mean = np.maximum(priced.mean[stays], 0.0)
+        covers = np.maximum(np.bincount(candidate, minlength=n), 1)
+        average = np.bincount(candidate, mean, n) / covers
+        apart = np.bincount(candidate, (mean - average[candidate]) ** 2, n) + 1e-3 * average
+        there = np.bincount(candidate, minlength=n) > 0
+        many = np.bincount(self._home[there])
+        score = np.bincount(self._home[there], apart[there] + 1e-9) / np.sqrt(np.maximum(many, 1))
+        return int(np.argmax(score))

@@ -25,7 +25,7 @@ def prepare() -> None:
 
     from pscover.model import CoverForm
 
-    from . import branch, greedy, replaced, rowwise, state, subgradient, sweep, weighting
+    from . import greedy, replaced, rowwise, state, subgradient, sweep, weighting
     from .problem import problem_of
 
     W, P = csr_array(np.array([[0.5, 0.6, 0.7]])), csr_array(np.array([[1.0, 1.0, 0.0]]))
@@ -35,7 +35,6 @@ def prepare() -> None:
     weighting.search(problem, plan, 100, 2)
     weighting.adopt(problem, plan, np.array([2], dtype=np.int32))
     replaced.stand_ins(problem)
-    branch.Branching(problem).turn(100)
     multipliers = subgradient.multipliers(problem)
     subgradient.ascend(problem, multipliers, 1, 2.0)
     shares = rowwise.shares(problem, multipliers.y)
@@ -45,11 +44,10 @@ def prepare() -> None:
 
 def is_on_disk() -> bool:
     """Whether every kernel has been compiled before, by this version of the sources and of numba."""
-    from . import branch, greedy, replaced, rowwise, subgradient, sweep, tables, weighting
+    from . import greedy, replaced, rowwise, subgradient, sweep, tables, weighting
 
     kernels: tuple[Any, ...] = (
         replaced.thin,
-        branch.explore,
         greedy.complete,
         weighting.search,
         weighting.adopt,
