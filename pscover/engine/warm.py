@@ -12,7 +12,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from .jit import sources
+from pscover.engine.jit import sources
 
 COMPILE = "import sys; sys.path[:] = sys.argv[1:]; from pscover.engine.warm import compile_in_turn; compile_in_turn()"
 KINDNESS = 10
@@ -25,12 +25,15 @@ def prepare() -> None:
     from scipy.sparse import csr_array
 
     from pscover.model import CoverForm
+    from pscover.presolve.components import components
 
     from . import greedy, replaced, rowwise, state, subgradient, sweep, weighting
     from .problem import problem_of
 
     W, P = csr_array(np.array([[0.5, 0.6, 0.7]])), csr_array(np.array([[1.0, 1.0, 0.0]]))
-    problem, _ = problem_of(CoverForm(c=np.ones(3), W=W, P=P, allowed=np.ones(3, dtype=np.bool_)))
+    form = CoverForm(c=np.ones(3), W=W, P=P, allowed=np.ones(3, dtype=np.bool_))
+    components(form)  # for what it imports
+    problem, _ = problem_of(form)
     plan = state.empty(problem, 0)
     greedy.complete(problem, plan, problem.cost)
     weighting.search(problem, plan, 100, 2)
