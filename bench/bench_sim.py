@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("numba")
-from pscover.errors import MissingDependency
+from pscover.errors import InvalidSettings, MissingDependency
 from pscover.execution.declutter import PATIENCE, declutter
 from pscover.execution.events import Judged
 from pscover.experiment.cloth_world import ClothWorld
@@ -120,7 +120,7 @@ def bench_policy(benchmark: Any, row: Any, bank: Path, name: str, segmenter: str
     begin = time.process_time()
     try:
         benchmark.pedantic(episode, rounds=1)
-    except MissingDependency as missing:
+    except (MissingDependency, InvalidSettings) as missing:  # no package, or no weights
         pytest.skip(str(missing))
     total = time.process_time() - begin
     parts = {what: spent[what] for what in ("physics", "camera", "cloth map", "segmentation")}
