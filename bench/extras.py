@@ -29,6 +29,12 @@ SOLVE = "pscover solve {instance} --backend {name} --time 20"
 SIMULATE = "pscover simulate --policy random --episodes 1 --most-transports 1 --quiet -o episodes"
 SAM = "pscover segment {photo} --segmenter {name} --no-figure"
 GUIDED = SAM.format(photo="{photo}", name="sam") + " --set-segmenter checkpoint={weights}/mobile_sam.pt"
+ELLIPSE = """python -c "
+import numpy, pscover
+labels = numpy.zeros((80, 160), dtype=int)
+labels[20:60, 10:60] = 1
+print(pscover.plan(labels, required=0.6, conflicts='ellipse').status)
+" """
 DASK = """python -c "
 from distributed import LocalCluster
 if __name__ == '__main__':
@@ -64,7 +70,7 @@ CASES = (
     Case("", SOLVE.format(instance="{instance}", name="highs")),
     *(Case(name, SOLVE.format(instance="{instance}", name=name)) for name in ("cvxpy", "pyomo", "scip", "cpsat")),
     Case("engine", SOLVE.format(instance="{instance}", name="auto")),
-    Case("geometry", "pscover plan {labels} --conflicts ellipse --no-figure"),
+    Case("geometry", ELLIPSE),
     Case("figures", "pscover plan {labels} --figure plan.png"),
     Case("perception", "pscover plan {photo} --no-figure"),
     Case("plan", "pscover plan {photo} --html report.html -o plan.json"),
