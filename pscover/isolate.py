@@ -181,8 +181,8 @@ def warm_up(backend: str | Backend | None = None) -> None:
     """
     if backend is None:
         importlib.import_module("pscover.inputs")
-    chosen = registry.planning_backend() if backend is None else backend
-    engine = registry.backend(chosen) if isinstance(chosen, str) else chosen
+        backend = registry.planning_backend()
+    engine = registry.backend(backend) if isinstance(backend, str) else backend
     if isinstance(engine, SlowToStart):
         engine.warm_up()
     if engine.isolated:

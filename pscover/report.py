@@ -30,7 +30,7 @@ from pscover.perception.depth import GarmentHeight
 from pscover.planning import Plan
 from pscover.verify import Verdict, Verification, verify
 
-TEMPLATE, STYLE = "report.html", "page.css"
+TEMPLATE, STYLE, THEME = "report.html", "page.css", "theme.js"
 PLACE = re.compile(r"\{\{(\w+)\}\}")
 PARTS_LIMIT = 3000
 """More parts than this are not outlined."""
@@ -82,8 +82,10 @@ def render_report(plan: Plan, verification: Verification | None = None) -> bytes
 def filled(template: str, parts: Mapping[str, str]) -> bytes:
     """A page of a template with {{name}} where a part belongs, in UTF-8.
 
-    The style that all pages share, and the digest that lets the page's own script run, are put in besides.
+    The style and the choice of light or dark that all pages share are put in besides, and the digest that lets the page's
+    own script run.
     """
+    template = template.replace("{{theme}}", resources.files("pscover").joinpath(THEME).read_text("utf-8"))
     script = template.partition("<script>")[2].partition("</script>")[0]
     shared = {
         "style": resources.files("pscover").joinpath(STYLE).read_text("utf-8"),

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-from pscover.cli.bench_table2 import checked_engines, checked_limit, draw
+from pscover.cli.bench_table2 import checked_engines, draw
 from pscover.cli.fail import Exit, say
-from pscover.cli.options import FILE, json_option, names, quiet_option, whole_numbers
-from pscover.cli.sweeping import print_tables, swept, write_tables
+from pscover.cli.options import json_option, names, quiet_option, whole_numbers
+from pscover.cli.sweeping import checked_limit, output_option, print_tables, swept, write_tables
 from pscover.cli.workers import worker_options, workers
 
 FIGURE = "groups.svg"
@@ -17,7 +17,7 @@ MOST = 12
 
 
 @click.command("groups", short_help="Time against overlapping groups, the paper's third experiment.")
-@click.option("--output", "-o", type=FILE, required=True, metavar="DIR", help="Folder of the results; a run goes on there.")
+@output_option
 @click.option("--seeds", type=click.IntRange(1, 1000), default=5, show_default=True, help="Scenes of each number of groups.")
 @click.option(
     "--groups",

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from pscover.cli.bench_table2 import checked_limit
 from pscover.cli.fail import Exit, say
 from pscover.cli.options import FILE, json_option, names, quiet_option
-from pscover.cli.sweeping import print_tables, swept
+from pscover.cli.sweeping import checked_limit, output_option, pictured, print_tables, swept
 from pscover.cli.workers import worker_options, workers
-
-if TYPE_CHECKING:
-    from pscover.evidence.study.report import Study
 
 
 @click.command("study", short_help="Formulations on engines, and what stronger promises cost.")
-@click.option("--output", "-o", type=FILE, required=True, metavar="DIR", help="Folder of the results; a run goes on there.")
+@output_option
 @click.option("--families", type=names, metavar="A,B,...", help="With commas between them; all by default.")
 @click.option("--seeds", type=click.IntRange(1, 1000), default=3, show_default=True, help="Instances of each family.")
 @click.option(
@@ -57,7 +52,7 @@ def command(
     from pscover.evidence.study.families import FAMILIES
     from pscover.evidence.study.price import plan_cases
     from pscover.evidence.study.promises import Plans
-    from pscover.evidence.study.report import Study, tables, write_study
+    from pscover.evidence.study.report import Study, draw, tables, write_study
     from pscover.evidence.study.solves import BACKENDS, checked_backends, exact_formulations, solve_cases
     from pscover.evidence.study.speed import Speed
     from pscover.evidence.study.sweeps import MODELS, PLANS, SOLVES, model_cases, models, plans, problems, solves
@@ -86,19 +81,7 @@ def command(
     study = Study(Speed(sized, solved, limit), Plans(planned))
     made = tables(study)
     print_tables(made, as_json=as_json)
-    written = [*write_study(study, output, made), *_drawn(study, output, quiet=quiet)]
+    written = [*write_study(study, output, made), *pictured(lambda: draw(study, output), quiet=quiet)]
     if not quiet:
         say(f"wrote {', '.join(path.name for path in written)} into {output}")
     return Exit.VERIFIED
-
-
-def _drawn(study: Study, folder: Path, *, quiet: bool) -> list[Path]:
-    from pscover.errors import MissingDependency
-    from pscover.evidence.study.report import draw
-
-    try:
-        return [draw(study, folder)]
-    except MissingDependency as missing:
-        if not quiet:
-            say(f"note: no picture: {missing}")
-        return []

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from pscover.cli.fail import Exit, say
-from pscover.cli.options import FILE, json_option, names, quiet_option, whole_numbers
-from pscover.cli.sweeping import print_tables, swept, write_tables
+from pscover.cli.options import json_option, names, quiet_option, whole_numbers
+from pscover.cli.sweeping import checked_limit, output_option, pictured, print_tables, swept, write_tables
 from pscover.cli.workers import worker_options, workers
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ SECOND, NONE = "mobile-sam", "none"
 
 
 @click.command("table2", short_help="Time against garments, beside the paper's Table 2.")
-@click.option("--output", "-o", type=FILE, required=True, metavar="DIR", help="Folder of the results; a run goes on there.")
+@output_option
 @click.option("--seeds", type=click.IntRange(1, 1000), default=5, show_default=True, help="Scenes of each size.")
 @click.option(
     "--garments",
@@ -131,15 +130,6 @@ def _check_sizes(garments: Sequence[int]) -> None:
             raise InvalidSettings(f"--garments: expected whole numbers from 1 to {MOST}, got {size}")
 
 
-def checked_limit(limit: float) -> float:
-    """The same; raises unless it is a positive number of seconds."""
-    from pscover.errors import InvalidSettings
-
-    if not 0 < limit < math.inf:
-        raise InvalidSettings(f"--limit: expected a positive number of seconds, got {limit:g}")
-    return limit
-
-
 def _segmenters(asked: tuple[str, ...] | None) -> tuple[str, ...]:
     from pscover import registry
     from pscover.evidence.table2 import CLASSICAL
@@ -162,14 +152,11 @@ def draw(
     found: Sequence[Line], others: Mapping[str, Sequence[Line]], limit: float, path: Path, *, quiet: bool
 ) -> list[Path]:
     """The figure, where matplotlib is installed."""
-    from pscover.errors import MissingDependency
 
-    try:
+    def drawn() -> Path:
         from pscover.figures.growth import save_growth_figure
 
         save_growth_figure(found, others, limit, path)
-    except MissingDependency as missing:
-        if not quiet:
-            say(f"note: no picture: {missing}")
-        return []
-    return [path]
+        return path
+
+    return pictured(drawn, quiet=quiet)

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from pscover.cli.fail import Exit, say
 from pscover.cli.live import advancing
+from pscover.cli.options import FILE
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from pscover.evidence.tables import Table
 
+output_option = click.option(
+    *("--output", "-o"), type=FILE, required=True, metavar="DIR", help="Folder of the results; a run goes on there."
+)
 INTERVAL = re.compile(r" \([^()]*(–| to )[^()]*\)$")
 
 
@@ -34,6 +41,27 @@ def swept(run: Callable[[Callable[[Any, Any], None]], object], total: int, *, qu
             say(f"interrupted after {count} of {total} cases; the same command goes on with the rest")
             return Exit.INTERRUPTED
     return Exit.VERIFIED
+
+
+def checked_limit(limit: float) -> float:
+    """The same; raises unless it is a positive number of seconds."""
+    from pscover.errors import InvalidSettings
+
+    if not 0 < limit < math.inf:
+        raise InvalidSettings(f"--limit: expected a positive number of seconds, got {limit:g}")
+    return limit
+
+
+def pictured(draw: Callable[[], Path], *, quiet: bool) -> list[Path]:
+    """The picture that is drawn, where matplotlib is installed; a note otherwise."""
+    from pscover.errors import MissingDependency
+
+    try:
+        return [draw()]
+    except MissingDependency as missing:
+        if not quiet:
+            say(f"note: no picture: {missing}")
+        return []
 
 
 def write_tables(tables: list[Table], folder: Path) -> list[Path]:

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 from pscover.errors import MissingDependency
 from pscover.evidence.table2 import PAPER, Line
-from pscover.figures.style import FRAME, INK, MUTED, kind_of, rendered
+from pscover.figures.style import FRAME, INK, MUTED, write_figure
 from pscover.figures.style import PAPER as SHEET
-from pscover.files import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,8 +91,7 @@ def save_growth_figure(
     PscoverError
         If the file cannot be written.
     """
-    kind = kind_of(path)
-    write_bytes(path, rendered(growth_figure(found, others, limit), kind))
+    write_figure(path, lambda: growth_figure(found, others, limit))
 
 
 def _curve(axes: Axes, found: Sequence[Line], stage: str, name: str, colour: str, *, by_groups: bool) -> None:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from pscover.errors import MissingDependency
 from pscover.evidence.study.profile import RESOLUTION, Profile, performance, within
-from pscover.figures.style import FRAME, INK, MUTED, PAPER, kind_of, rendered
-from pscover.files import write_bytes
+from pscover.figures.style import FRAME, INK, MUTED, PAPER, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,8 +75,7 @@ def save_performance_figure(
     PscoverError
         If the file cannot be written.
     """
-    kind = kind_of(path)
-    write_bytes(path, rendered(performance_figure(times, limit), kind))
+    write_figure(path, lambda: performance_figure(times, limit))
 
 
 def _styles(pairs: Sequence[tuple[str, str]]) -> list[dict[str, object]]:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from pscover.errors import MissingDependency
 from pscover.experiment.published import TABLE_1
 from pscover.experiment.statistics import Interval, Row
-from pscover.figures.style import INK, MUTED, PAPER, kind_of, rendered
-from pscover.files import write_bytes
+from pscover.figures.style import INK, MUTED, PAPER, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,8 +72,7 @@ def save_policies_figure(rows: Sequence[Row], path: str | PathLike[str]) -> None
     PscoverError
         If the file cannot be written.
     """
-    kind = kind_of(path)
-    write_bytes(path, rendered(policies_figure(rows), kind))
+    write_figure(path, lambda: policies_figure(rows))
 
 
 def _bar(axes: Axes, place: float, interval: Interval, colour: str, *, bold: bool) -> None:

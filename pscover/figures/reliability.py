@@ -9,8 +9,7 @@ import numpy as np
 
 from pscover.calibration.fit import Pairs
 from pscover.errors import MissingDependency
-from pscover.figures.style import INK, MUTED, PAPER, kind_of, palette, rendered
-from pscover.files import write_bytes
+from pscover.figures.style import INK, MUTED, PAPER, palette, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,8 +63,7 @@ def save_reliability_figure(tested: dict[str, Pairs], path: str | PathLike[str])
     PscoverError
         If the file cannot be written.
     """
-    kind = kind_of(path)
-    write_bytes(path, rendered(reliability_figure(tested), kind))
+    write_figure(path, lambda: reliability_figure(tested))
 
 
 def _panel(axes: Axes, name: str, found: Pairs, colour: tuple[float, ...], *, is_first: bool) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pscover.errors import InvalidSettings
+from pscover.files import write_bytes
 from pscover.scene import Scene
 
 if TYPE_CHECKING:
@@ -72,6 +74,12 @@ def rendered(figure: Figure, kind: str) -> bytes:
     dated = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}[kind]
     figure.savefig(content, format=kind, metadata=dated)
     return content.getvalue()
+
+
+def write_figure(path: str | PathLike[str], draw: Callable[[], Figure]) -> None:
+    """Draw a figure and write it, whole or not at all; a suffix that is none of a picture stops it before it is drawn."""
+    kind = kind_of(path)
+    write_bytes(path, rendered(draw(), kind))
 
 
 def draw_outlines(view: Axes, scene: Scene, inks: NDArray[np.float64], width: float = 1.4) -> None:

@@ -11,7 +11,7 @@ from pscover import registry
 from pscover.evidence.study.families import Folder, Problem, instance_of
 from pscover.evidence.study.metered import Metered
 from pscover.evidence.study.outcomes import WORLDS, Outcome, simulate
-from pscover.evidence.study.solves import ENDS, SolveTiming, solved
+from pscover.evidence.study.solves import ENDS, SolveRow, SolveTiming, solved
 from pscover.evidence.sweep import Done
 from pscover.formulation import Formulation
 from pscover.instance import Instance
@@ -74,14 +74,6 @@ class PlanCase:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlanRow:
-    """What does not depend on the computer: the instance's digest, and why there is no plan."""
-
-    digest: str
-    skipped: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PlanTiming:
     """The plan that was found in time, and what came of it.
 
@@ -110,7 +102,9 @@ def plan_cases(problems: Iterable[Problem]) -> list[PlanCase]:
     ]
 
 
-def measure_plan(case: PlanCase, limit: float, trials: int, engine: str, folder: Folder = None) -> Done[PlanRow, PlanTiming]:
+def measure_plan(
+    case: PlanCase, limit: float, trials: int, engine: str, folder: Folder = None
+) -> Done[SolveRow, PlanTiming]:
     """Find the cheapest plan that keeps the promise, in at most so many CPU seconds, and try it in every world.
 
     Examples
@@ -125,9 +119,9 @@ def measure_plan(case: PlanCase, limit: float, trials: int, engine: str, folder:
         metered = Metered(engine=registry.backend(engine), limit=limit)
         found = solved(promise.of(instance), promise.formulation(), metered)
     except tuple(ENDS) as reason:
-        row = PlanRow(digest=instance.digest, skipped=str(reason))
+        row = SolveRow(digest=instance.digest, skipped=str(reason))
         return Done(row=row, timing=PlanTiming(solve=SolveTiming(end=ENDS[type(reason)])))
-    row = PlanRow(digest=instance.digest)
+    row = SolveRow(digest=instance.digest)
     if found.chosen is None:
         return Done(row=row, timing=PlanTiming(solve=found))
     coverage = instance.coverage(found.chosen)[instance.required > 0]

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pscover.evidence.study.averages import geometric_mean
 from pscover.evidence.study.families import Problem
 from pscover.evidence.study.outcomes import WORLDS, Outcome
-from pscover.evidence.study.price import PROMISES, TOGETHER, PlanCase, PlanRow, PlanTiming
-from pscover.evidence.study.solves import End
+from pscover.evidence.study.price import PROMISES, TOGETHER, PlanCase, PlanTiming
+from pscover.evidence.study.solves import End, SolveRow
 from pscover.evidence.study.speed import families
 from pscover.evidence.study.wilson import share_interval
 from pscover.evidence.sweep import Store
@@ -31,7 +31,7 @@ class Plans:
         The sweep.
     """
 
-    store: Store[PlanCase, PlanRow, PlanTiming]
+    store: Store[PlanCase, SolveRow, PlanTiming]
 
     def timing(self, problem: Problem, promise: str) -> PlanTiming | None:
         """One plan; None if it was not looked for."""

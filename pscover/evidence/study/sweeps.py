@@ -7,7 +7,7 @@ from functools import partial
 
 from pscover.evidence.study.families import FAMILIES, Folder, Problem, problem_of
 from pscover.evidence.study.models import ModelCase, ModelRow, ModelTiming, measure_model
-from pscover.evidence.study.price import PlanCase, PlanRow, PlanTiming, measure_plan
+from pscover.evidence.study.price import PlanCase, PlanTiming, measure_plan
 from pscover.evidence.study.solves import SolveCase, SolveRow, SolveTiming, measure_solve
 from pscover.evidence.sweep import Sweep
 
@@ -53,13 +53,13 @@ def solves(limit: float, folder: Folder = None) -> Sweep[SolveCase, SolveRow, So
     )
 
 
-def plans(limit: float, trials: int, engine: str, folder: Folder = None) -> Sweep[PlanCase, PlanRow, PlanTiming]:
+def plans(limit: float, trials: int, engine: str, folder: Folder = None) -> Sweep[PlanCase, SolveRow, PlanTiming]:
     """What promises cost, and whether they are kept; the engine finds the plans."""
     return Sweep(
         name="study of formulations: plans",
         run=partial(measure_plan, limit=limit, trials=trials, engine=engine, folder=folder),
         case=PlanCase,
-        row=PlanRow,
+        row=SolveRow,
         timing=PlanTiming,
         settings={"limit": limit, "trials": trials, "engine": engine},
     )
