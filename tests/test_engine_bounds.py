@@ -12,9 +12,10 @@ pytest.importorskip("numba")
 
 from pscover import registry
 from pscover.engine.block import Block
+from pscover.engine.merging import BRIEF, Merging
 from pscover.engine.problem import Problem, problem_of
 from pscover.engine.replaced import stand_ins
-from pscover.engine.rowwise import improve, shares
+from pscover.engine.rowwise import improve, shares, tolled, tolls
 from pscover.engine.subgradient import ascend, multipliers
 from pscover.engine.tree import Branching
 from pscover.enumeration import enumerate_best
@@ -63,6 +64,39 @@ def test_rows_one_by_one_bound_more_than_multipliers() -> None:
         assert (np.bincount(parts.candidate, parts.kept, problem.candidates) <= problem.cost * (1 + 1e-9)).all()
         better += bound > plain + 1e-6
     assert better >= 5
+
+
+def test_tolls_keep_what_multipliers_prove() -> None:
+    dearer = 0
+    for _, problem, _, best in cases():
+        if best is None or best == 0:
+            continue
+        state = multipliers(problem)
+        plain = ascend(problem, state, 300, best)
+        toll = tolls(problem, state.kept)
+        raised, extra = tolled(problem, toll)
+        bound = improve(raised, shares(raised, state.kept), 60, best + extra) - extra
+        assert plain - 1e-6 <= bound <= best + 1e-7
+        dearer += extra > 1e-6
+    assert dearer >= 5
+
+
+def test_merged_rows_bound_plans() -> None:
+    risen = 0
+    for instance, problem, columns, best in cases():
+        if best is None or best == 0:
+            continue
+        prices = shares(problem, multipliers(problem).y)
+        apart = improve(problem, prices, 40, best)
+        form = as_cover(registry.formulation("clique").build(instance))
+        merging = Merging(form, columns, prices, BRIEF)
+        assert merging.bound == pytest.approx(apart, abs=1e-6)
+        while not merging.is_finished:
+            before = merging.bound
+            assert merging.turn() == (merging.bound > before)
+        assert merging.bound <= best + 1e-7
+        risen += merging.bound > apart + 1e-6
+    assert risen >= 3
 
 
 def test_penalties_bound_plans_with_a_candidate() -> None:

@@ -30,6 +30,8 @@ IntArray = NDArray[np.int32]
 
 BURST = 0.02
 """Seconds of search of one block before the next has its turn."""
+BOUND = 0.06
+"""Seconds of bounding after that, where the search has long found nothing."""
 RATE, SLOW = 2e5, 2e3
 """Entries that HiGHS takes in a second before it brings anything, where they are full and where several work together."""
 TREE = 0.6
@@ -242,7 +244,7 @@ class Course:
                 moved = True
                 self._tell()
         if block.is_open and not block.is_settled and not session.over():
-            risen, end = False, perf_counter() + BURST / 2
+            risen, end = False, perf_counter() + (BOUND if block.is_quiet else BURST / 2)
             while perf_counter() < end and block.is_open and not block.is_settled and not session.over():
                 risen |= block.bind()
             if risen or not block.is_open:

@@ -14,10 +14,12 @@ from pscover.presolve import fix_by_reduced_cost, lagrangian
 
 from .certify import Account, Fork, Paid, forked
 from .problem import IntArray, Problem, problem_of
+from .rowwise import STEPS as TAKEN
 from .sweep import Sweep, worth
 
 if TYPE_CHECKING:
     from .hunt import Hunt
+    from .merging import Merging
     from .rowwise import Shares
     from .subgradient import Multipliers
     from .tree import Branching
@@ -48,6 +50,8 @@ WORK = 400_000
 """Entries that these steps read, at most."""
 WARM = 80
 """Subgradient steps after which multipliers are good enough to tell favoured candidates."""
+ROUGHLY = 250
+"""Steps after which shares are good enough for rows to be merged."""
 LONGEST = 400_000
 """Most entries for which rows are solved one by one: a step must not take long."""
 PATIENCE = 300
@@ -89,6 +93,9 @@ class Block:
         self.hunted = self.kept
         self.multipliers: Multipliers | None = None
         self.shares: Shares | None = None
+        self._toll = np.zeros(self.problem.candidates)
+        self.merging: Merging | None = None
+        self._merges = 0
         self.has_core = False
         self.branching: Branching | None = None
         self.sweep: Sweep | None = None
@@ -97,6 +104,7 @@ class Block:
         self._stall = 0
         self._has_tightened = False
         self._refocused = False
+        self._fruitless = 0
 
     @property
     def is_open(self) -> bool:
@@ -105,8 +113,16 @@ class Block:
 
     @property
     def is_settled(self) -> bool:
-        """Whether neither bound rises any more."""
-        return self._stall >= 2 and self._has_tightened
+        """Whether no bound rises any more."""
+        return self._stall >= 2 and self._has_tightened and not self._may_merge
+
+    @property
+    def _may_merge(self) -> bool:
+        """Whether rows are being merged, or shares are better than those that they were merged at, to be worth it anew."""
+        if self.shares is None:
+            return False
+        is_merging = self.merging is not None and not self.merging.is_finished
+        return is_merging or (self.shares.value[TAKEN] >= ROUGHLY) + self._has_tightened > self._merges
 
     @property
     def is_wide(self) -> bool:
@@ -123,12 +139,18 @@ class Block:
         """Whether the search has long found nothing."""
         return self.hunt is not None and self.hunt.idle > PATIENCE * (self.problem.rows + 20)
 
+    @property
+    def is_quiet(self) -> bool:
+        """Whether it has found nothing since it last chose where to look."""
+        return self.is_idle or self._fruitless > 0
+
     def offer(self, plan: IntArray) -> bool:
         """Take a feasible plan (candidates of the block) if it is the best; whether it was."""
         cost = float(self.form.c[plan].sum())
         if cost >= self.cost:
             return False
         self.plan, self.cost = np.sort(plan).astype(np.int32), cost
+        self._fruitless = 0
         return True
 
     def prove(self, bound: float) -> bool:
@@ -261,9 +283,9 @@ class Block:
             ):
                 self._shrink_by_multipliers()
             return risen
-        if self._has_tightened:
-            return False
-        return self._tighten()
+        if self._may_merge:
+            return self._merge()
+        return not self._has_tightened and self._tighten()
 
     def ascend(self) -> bool:
         """A few subgradient steps; whether the bound rose."""
@@ -285,7 +307,7 @@ class Block:
 
     def _tighten(self) -> bool:
         """A few steps on the shares of the rows; whether the bound rose."""
-        from .rowwise import LENGTH, improve, shares
+        from .rowwise import LENGTH, improve, shares, tolled, tolls
 
         assert self.multipliers is not None
         entries = len(self.problem.lines)
@@ -293,15 +315,30 @@ class Block:
             if not self.is_fractional or entries > LONGEST or not math.isfinite(self.cost):
                 self._has_tightened = True
                 return False
-            self.shares = shares(self.problem, self.multipliers.kept)
-        state = self.shares
+            self._toll = tolls(self.problem, self.multipliers.kept)
+            self.shares = shares(tolled(self.problem, self._toll)[0], self.multipliers.kept)
+        problem, extra = tolled(self.problem, self._toll)
+        state, goal = self.shares, self.cost + extra
         before = float(state.value[0])
-        bound = float(improve(self.problem, state, max(1, min(STEPS, WORK // (50 * entries + 1))), self.cost))
-        if state.value[LENGTH] < SHORTEST or bound >= self.cost:
+        bound = float(improve(problem, state, max(1, min(STEPS, WORK // (50 * entries + 1))), goal))
+        if state.value[LENGTH] < SHORTEST or bound >= goal:
             self._has_tightened = True
         if self.step > 0 or self._has_tightened:
-            self._leave_out(bound + state.penalty > self.cost - self.step + 1e-6 * max(1.0, self.cost))
-        return bound > before and self.prove(min(bound, self.cost))
+            self._leave_out(bound - extra + state.penalty > self.cost - self.step + 1e-6 * max(1.0, self.cost))
+        return bound > before and self.prove(min(bound - extra, self.cost))
+
+    def _merge(self) -> bool:
+        """Go on merging rows: briefly once shares are about right, thoroughly once they are; whether the bound rose."""
+        from .merging import BRIEF, LONG, Merging
+        from .rowwise import tolled
+
+        if self.merging is None or self.merging.is_finished:
+            assert self.shares is not None
+            self.merging = Merging(self.form, self.kept, self.shares, LONG if self._has_tightened else BRIEF)
+            self._merges = 1 + self._has_tightened
+        if not self.merging.turn():
+            return False
+        return self.prove(min(self.merging.bound - tolled(self.problem, self._toll)[1], self.cost))
 
     def _shrink_by_multipliers(self) -> None:
         """Leave out what no better plan contains, by reduced costs; where many are left, look at favoured ones first."""
@@ -331,8 +368,9 @@ class Block:
         self.form = CoverForm(c=self.form.c, W=self.form.W, P=self.form.P, allowed=allowed)
         self.problem, self.kept = problem_of(self.form)
         self.multipliers = carried(self.problem, self.multipliers)
-        self.shares = None if self.shares is None else without(self.shares, gone)
+        self.shares, self._toll = None if self.shares is None else without(self.shares, gone), self._toll[~gone]
         self._stall, self._has_tightened = 0, False
+        self.merging, self._merges = None, 0
         self.hunt = self.branching = self.sweep = None
         self._swept = 0
 
@@ -352,6 +390,7 @@ class Block:
         """Choose anew which candidates are favoured, by the multipliers as they are now, once the search is idle."""
         if self.is_wide and self.is_idle and self.multipliers is not None:
             self.seed += 1
+            self._fruitless += 1
             self._refocused = True
             self._shrink_by_multipliers()
 

@@ -112,7 +112,12 @@ class Account:
         better = shares(self._problem, rough.kept)
         if self._paid is not None:
             at = np.lexsort((_row(better), better.candidate))
-            better.share[at] = better.kept[at] = self._paid.price
+            paid = np.empty(len(at))
+            paid[at] = self._paid.price
+            # Tolls are in these prices.
+            total = np.bincount(better.candidate, paid, self._problem.candidates)
+            paid *= np.minimum(1.0, self._problem.cost / np.maximum(total, 1e-300))[better.candidate]
+            better.share[:] = better.kept[:] = paid
         enough = min(cost, cost - step + 1e-6 * max(1.0, cost))
         while perf_counter() < end and better.value[rowwise.LENGTH] > SETTLED:
             if rowwise.improve(self._problem, better, STEPS, cost) > enough:

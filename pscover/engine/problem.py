@@ -63,6 +63,11 @@ class Problem(NamedTuple):
         return len(self.rptr) - 1
 
     @property
+    def homes(self) -> NDArray[np.int64]:
+        """The largest clique of each candidate; those in none have one each of their own, numbered after the others."""
+        return np.where(self.home < 0, int(self.cliques[0]) + np.arange(self.candidates), self.home)
+
+    @property
     def is_split(self) -> bool:
         """Whether no candidate is in two cliques."""
         return bool((np.diff(self.gptr) <= 1).all())

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .problem import FloatArray, IntArray, Problem
-from .rowwise import Shares
+from .rowwise import Shares, laid
 from .tables import SUMS, UNITS, fill
 
 STARTS = 8
@@ -53,15 +53,11 @@ class Stage:
 
 def route(problem: Problem, priced: Shares, out: NDArray[np.bool_]) -> tuple[list[Stage], float]:
     """The stages, and what all rows cost at least at the best prices; candidates that are out are left out."""
-    row = np.repeat(np.arange(problem.rows), np.diff(problem.rptr))
-    lines = problem.lines["candidate"]
-    home = np.where(problem.home < 0, int(problem.cliques[0]) + np.arange(problem.candidates), problem.home)
-    # In this order shares are kept.
-    order = np.lexsort((home[lines], row))
+    row, order = laid(problem)
     stays = ~out[priced.candidate]
     row, candidate = row[stays], priced.candidate[stays]
     amount, share = problem.lines["entry"][order][stays], priced.kept[stays]
-    kinds, clique = np.unique(home[candidate], return_inverse=True)
+    kinds, clique = np.unique(problem.homes[candidate], return_inverse=True)
     pairs = np.unique(np.stack([clique, row], axis=1), axis=0)
     ends = np.searchsorted(pairs[:, 0], np.arange(len(kinds) + 1)).tolist()
     every = pairs[:, 1].tolist()

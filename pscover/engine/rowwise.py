@@ -63,13 +63,9 @@ class Shares(NamedTuple):
 def shares(problem: Problem, y: FloatArray) -> Shares:
     """Shares in proportion to what multipliers y of the rows let each row pay; the rest in equal parts."""
     n, entries = problem.candidates, len(problem.lines)
-    row = np.repeat(np.arange(problem.rows), np.diff(problem.rptr))
-    candidate = problem.lines["candidate"]
-    home = problem.home[candidate].astype(np.int64)
-    home = np.where(home < 0, int(problem.cliques[0]) + candidate, home)
-    order = np.lexsort((home, row))
-    row, home, candidate = row[order], home[order], np.ascontiguousarray(candidate[order])
-    entry = problem.lines["entry"][order]
+    row, order = laid(problem)
+    candidate, entry = np.ascontiguousarray(problem.lines["candidate"][order]), problem.lines["entry"][order]
+    home = problem.homes[candidate]
     pays = y[row] * entry
     total = np.bincount(candidate, pays, n)
     covers = np.bincount(candidate, minlength=n).astype(np.int32)
@@ -95,6 +91,33 @@ def shares(problem: Problem, y: FloatArray) -> Shares:
         penalty=np.zeros(n),
         value=np.array([-np.inf, 0.1, 0.0, 0.0, 0.0]),
     )
+
+
+def tolls(problem: Problem, y: FloatArray) -> FloatArray:
+    """What to add to the costs, the same in a clique, so that rows that pay y a unit pay no more than that.
+
+    As a plan takes one candidate of a clique at most, all plans then cost more by what `tolled` sums up, or less than that.
+    """
+    row = np.repeat(np.arange(problem.rows), np.diff(problem.rptr))
+    paid = np.bincount(problem.lines["candidate"], y[row] * problem.lines["entry"], problem.candidates)
+    return _most(problem, np.maximum(paid - problem.cost, 0.0))[problem.homes]
+
+
+def tolled(problem: Problem, toll: FloatArray) -> tuple[Problem, float]:
+    """The problem with a toll on its costs, and how much dearer that makes plans at most."""
+    return problem._replace(cost=problem.cost + toll), float(_most(problem, toll).sum()) * (1 + 1e-12)
+
+
+def _most(problem: Problem, toll: FloatArray) -> FloatArray:
+    most = np.zeros(int(problem.cliques[0]) + problem.candidates)
+    np.maximum.at(most, problem.homes, toll)
+    return most
+
+
+def laid(problem: Problem) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The row of each entry, and in which order shares have the problem's entries: by row and clique."""
+    row = np.repeat(np.arange(problem.rows), np.diff(problem.rptr))
+    return row, np.lexsort((problem.homes[problem.lines["candidate"]], row))
 
 
 def without(old: Shares, gone: NDArray[np.bool_]) -> Shares:

@@ -203,6 +203,7 @@ class Sweep:
         self.is_finished = False
         self.has_given_up = False
         self.plan: IntArray | None = None
+        self.cost = math.inf
         self.work = 0
         self._width = 1 + max((int(stage.slots.max()) for stage in self.stages), default=0)
         self._limit = math.inf
@@ -240,7 +241,7 @@ class Sweep:
                 if not len(self._least):
                     break
             else:
-                self.plan = self._way()
+                self.plan, self.cost = self._way(), float(self._price.min())
             if self.step <= 0 or self.plan is not None:
                 break
             self.target += self.step

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from . import rowwise
 from .problem import TOLERANCE, FloatArray, IntArray, Problem
-from .rowwise import UNITS, Shares, improve
+from .rowwise import UNITS, Shares, improve, laid
 from .sweep import worth
 
 STEPS, GLANCE = 20, 5
@@ -67,18 +67,15 @@ class Branching:
         self.plan: IntArray | None = None
         self.nodes = self.work = 0
         self._priced = priced
-        self._row = np.repeat(np.arange(problem.rows, dtype=np.int32), np.diff(problem.rptr))
-        lines = problem.lines["candidate"]
-        home = np.where(problem.home < 0, int(problem.cliques[0]) + np.arange(problem.candidates), problem.home)
-        # In this order shares are kept.
-        self._amount = problem.lines["entry"][np.lexsort((home[lines], self._row))]
-        self._home = np.unique(home, return_inverse=True)[1]
+        self._row, order = laid(problem)
+        self._amount = problem.lines["entry"][order]
+        self._home = np.unique(problem.homes, return_inverse=True)[1]
         member = np.repeat(np.arange(problem.candidates), np.diff(problem.gptr))
         order = np.argsort(problem.gclq, kind="stable")
         ends = np.searchsorted(problem.gclq[order], np.arange(int(problem.cliques[0]) + 1))
         self._members = np.split(member[order], ends[1:-1])
-        every = np.arange(len(lines), dtype=np.int32)
-        self._stack = [Node(taken=(), entries=every, share=priced.kept.copy(), mean=np.full(len(lines), -1.0), lower=0.0)]
+        every = np.arange(len(problem.lines), dtype=np.int32)
+        self._stack = [Node(taken=(), entries=every, share=priced.kept.copy(), mean=np.full(len(every), -1.0), lower=0.0)]
 
     @property
     def is_finished(self) -> bool:
