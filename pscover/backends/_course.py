@@ -39,7 +39,9 @@ TREE = 0.6
 FOREST = 60.0
 """Seconds that it may take where there is no limit."""
 BRIEF = 6_400_000
-"""Entries that it looks at before it leaves the form to presolve, where it is tried at once."""
+"""Entries of a block that it looks at before it leaves the form to presolve, where it is tried at once."""
+HASTY = 200_000
+"""Entries of a block that it looks at where that does not promise much."""
 AT_ONCE = 0.25
 """The part of the time that this may take."""
 SHORTEST = 0.3
@@ -108,7 +110,7 @@ class Course:
             while block.is_open and block.is_small and not session.over() and not session.is_proven():
                 if block.explore():
                     self._tell()
-                if block.work > BRIEF or session.seconds > end:
+                if block.work > (BRIEF if block.is_promising else HASTY) or session.seconds > end:
                     return None
             if block.is_infeasible:
                 return session.answer(Status.INFEASIBLE)
@@ -204,7 +206,7 @@ class Course:
         """Branch and bound of our own on the blocks that are small, in turn, for so long."""
         end = perf_counter() + seconds
         while perf_counter() < end and not self.session.over():
-            blocks = [block for block in self._open() if block.is_small]
+            blocks = [block for block in self._open() if block.is_small and (block.is_promising or block.work <= HASTY)]
             if not blocks:
                 return
             for block in blocks:

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 BUSHY, PLAIN = 8_000, 600
 """Most entries for which branch and bound of our own is tried, where several must work together and where they are full."""
+PROMISING = 0.1
+"""The part of the candidates that prices leave out at least where branch and bound of our own is likely to finish."""
 TURN = 12_800
 """Entries that a turn of it looks at: a few milliseconds."""
 SWIFT = 25
@@ -166,6 +168,11 @@ class Block:
     def is_small(self) -> bool:
         """Whether branch and bound of our own may finish it."""
         return len(self.problem.lines) <= (BUSHY if self.is_fractional else PLAIN)
+
+    @property
+    def is_promising(self) -> bool:
+        """Whether prices leave out so many candidates that branch and bound may come to an end."""
+        return self.shares is not None and math.isfinite(self.cost) and float(self._hopeless().mean()) >= PROMISING
 
     @property
     def work(self) -> int:

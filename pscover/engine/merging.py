@@ -24,11 +24,15 @@ from .sweep import Sweep
 BRIEF, LONG = 3_000_000, 24_000_000
 """What an attempt at a merge may look at, where merging is to be brief and where it is to be thorough."""
 PATIENCE = 20
-"""Attempts in a row that bring nothing after which brief merging ends."""
+"""Attempts in a row that bring next to nothing after which brief merging ends:"""
+WORTH = 0.2
+"""less than that part of what is expected at first."""
 HARDER = 8
 """Once nothing more can be merged with less work, all is tried again with so many times as much."""
 TURN = 400_000
 """What a turn looks at."""
+ROUND = 1e-6
+"""And less than this part is none at all."""
 LITTLE, MORE = 0.02, 1.7
 """By how much a merge is expected to raise the bound at first, relative to the mean cost; and by which factor after that."""
 
@@ -90,8 +94,9 @@ class Merging:
         if not attempt.is_finished:
             return False
         first, second = attempt.first, attempt.second
-        risen = attempt.value > self._groups[first].value + self._groups[second].value
-        self._fruitless = 0 if risen else self._fruitless + 1
+        rise = attempt.value - self._groups[first].value - self._groups[second].value
+        risen = rise > ROUND * self._little
+        self._fruitless = 0 if rise > WORTH * self._little else self._fruitless + 1
         self.is_finished = self._most == BRIEF and self._fruitless >= PATIENCE
         if risen or attempt.is_solved:
             self._merge(attempt)

@@ -97,10 +97,11 @@ def tolls(problem: Problem, y: FloatArray) -> FloatArray:
     """What to add to the costs, the same in a clique, so that rows that pay y a unit pay no more than that.
 
     As a plan takes one candidate of a clique at most, all plans then cost more by what `tolled` sums up, or less than that.
+    Candidates in no clique need none: that each is taken once at most, rows know by themselves.
     """
     row = np.repeat(np.arange(problem.rows), np.diff(problem.rptr))
     paid = np.bincount(problem.lines["candidate"], y[row] * problem.lines["entry"], problem.candidates)
-    return _most(problem, np.maximum(paid - problem.cost, 0.0))[problem.homes]
+    return _most(problem, np.where(problem.home < 0, 0.0, np.maximum(paid - problem.cost, 0.0)))[problem.homes]
 
 
 def tolled(problem: Problem, toll: FloatArray) -> tuple[Problem, float]:
