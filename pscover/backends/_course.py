@@ -36,6 +36,8 @@ RATE, SLOW = 2e5, 2e3
 """Entries that HiGHS takes in a second before it brings anything, where they are full and where several work together."""
 TREE = 0.6
 """The part of the time that branch and bound of our own may take on small blocks."""
+LAST = 0.5
+"""The part of what is left that it may take in the end."""
 FOREST = 60.0
 """Seconds that it may take where there is no limit."""
 BRIEF = 6_400_000
@@ -61,6 +63,12 @@ class Course:
             step = least_step(reduced.form.c)
             for part, columns in components(reduced.form):
                 self.blocks.append(Block(part, columns.astype(np.int32), session.settings.seed, step))
+
+    @property
+    def falls_apart(self) -> bool:
+        """Whether no block has most of the entries."""
+        sizes = [len(block.problem.lines) for block in self.blocks]
+        return max(sizes, default=0) <= sum(sizes) / 2
 
     def adopt_multipliers(self, multipliers: FloatArray) -> None:
         """Let the bounds of the blocks begin with multipliers of the form's rows."""
@@ -101,11 +109,7 @@ class Course:
         session = self.session
         end = session.seconds + AT_ONCE * session.left
         self._adopt_start()
-        for block in self.blocks:
-            # A short search: every block has a plan before one of them takes long.
-            if block.is_open and block.is_small and not session.over():
-                block.explore()
-        self._tell()
+        self._look_round()
         for block in self.blocks:
             while block.is_open and block.is_small and not session.over() and not session.is_proven():
                 if block.explore():
@@ -154,7 +158,8 @@ class Course:
                     self._tell()
         if not self._get_ready():
             return
-        self._explore(TREE * session.left if math.isfinite(session.left) else FOREST)
+        self._look_round()
+        self._explore(TREE * session.left if math.isfinite(session.left) else FOREST, HASTY)
         if not self._open() or session.over():
             return
         if session.left > 2 * SHORTEST:
@@ -164,10 +169,19 @@ class Course:
             rate = SLOW if block.is_fractional else RATE
             if not session.over() and self.share * session.left > SHORTEST + block.problem.lines.size / rate:
                 self._branch(block)
+        if math.isfinite(session.left):
+            self._explore(LAST * session.left, math.inf)
         while math.isfinite(session.left) and self._open() and not session.over():
             for block in self._open():
                 block.refocus()
             self._settle(session.left)
+
+    def _look_round(self) -> None:
+        """A short search of each block, so that there is a plan of the whole before one of them takes long."""
+        for block in self._open() if len(self.blocks) > 1 else ():
+            if block.plan is None and not self.session.over():
+                block.explore()
+        self._tell()
 
     def _get_ready(self) -> bool:
         """Wait for the kernels, with HiGHS at work where they are compiled; whether the session goes on with them."""
@@ -202,11 +216,11 @@ class Course:
                 self._offer(inner)
                 self._tell()
 
-    def _explore(self, seconds: float) -> None:
-        """Branch and bound of our own on the blocks that are small, in turn, for so long."""
+    def _explore(self, seconds: float, most: float) -> None:
+        """Branch and bound of our own on the small blocks in turn, for so long; so much work where it promises little."""
         end = perf_counter() + seconds
         while perf_counter() < end and not self.session.over():
-            blocks = [block for block in self._open() if block.is_small and (block.is_promising or block.work <= HASTY)]
+            blocks = [block for block in self._open() if block.is_small and (block.is_promising or block.work <= most)]
             if not blocks:
                 return
             for block in blocks:

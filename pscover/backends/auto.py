@@ -31,6 +31,8 @@ LARGE = 2_000
 """Entries of a form from which on plans are looked for before presolve."""
 LOADING = 0.3
 """The part of the time that loading kernels from disk may take before a greedy plan is made without them."""
+AFFORDED = 1.2e-5
+"""Seconds an entry that must be left for a large form to be taken apart at once: some three times what small parts take."""
 PRESOLVE = 0.1
 """The part of the time that presolve may take."""
 
@@ -102,13 +104,17 @@ class Auto:
         return course.answer()
 
     def _at_once(self, form: CoverForm, session: Session) -> Answer | None:
-        """The proven answer to a form so small that presolve would take longer than branch and bound."""
+        """The answer to a form so small, or that falls into parts so small, that presolve would take longer than proofs."""
         from pscover.engine.problem import several
         from pscover.engine.warm import warming
 
-        if form.W.nnz > SMALL or not warming().is_done or several(form) is not None:
+        is_large = form.W.nnz > SMALL
+        if not warming().is_done or several(form) is not None or (is_large and session.left < AFFORDED * form.W.nnz):
             return None
-        return Course(form, _without_replaced(form), session, self.share).at_once()
+        course = Course(form, _without_replaced(form), session, self.share)
+        if not is_large:
+            return course.at_once()
+        return course.answer() if course.falls_apart else None
 
 
 def _without_replaced(form: CoverForm) -> Reduced:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .subgradient import Multipliers
     from .tree import Branching
 
-BUSHY, PLAIN = 8_000, 600
+BUSHY, PLAIN = 12_000, 600
 """Most entries for which branch and bound of our own is tried, where several must work together and where they are full."""
 PROMISING = 0.1
 """The part of the candidates that prices leave out at least where branch and bound of our own is likely to finish."""
@@ -129,7 +129,7 @@ class Block:
     @property
     def is_wide(self) -> bool:
         """Whether there are so many candidates that the search had better look at favoured ones only."""
-        return self.problem.candidates > (2 * MANY if self.is_fractional else WIDE) * self.problem.rows
+        return not self.is_small and self.problem.candidates > (2 * MANY if self.is_fractional else WIDE) * self.problem.rows
 
     @property
     def is_focused(self) -> bool:
