@@ -26,13 +26,13 @@ BRIEF, LONG = 3_000_000, 24_000_000
 PATIENCE = 20
 """Attempts in a row that bring next to nothing after which brief merging ends:"""
 WORTH = 0.2
-"""less than that part of what is expected at first."""
+"""less than that part of what is expected at first. And less than"""
+ROUND = 1e-6
+"""that part is rounding."""
 HARDER = 8
 """Once nothing more can be merged with less work, all is tried again with so many times as much."""
 TURN = 400_000
 """What a turn looks at."""
-ROUND = 1e-6
-"""And less than this part is none at all."""
 LITTLE, MORE = 0.02, 1.7
 """By how much a merge is expected to raise the bound at first, relative to the mean cost; and by which factor after that."""
 
