@@ -21,8 +21,8 @@ from pscover.errors import InvalidSettings, MissingDependency
 from pscover.execution.declutter import PATIENCE, declutter
 from pscover.execution.events import Judged
 from pscover.experiment.cloth_world import ClothWorld
+from pscover.experiment.trial import Trial, policy_of
 from pscover.policy import Policy
-from pscover.registry import policy
 from pscover.robot import Pose
 from pscover.sim import Oblique, World
 
@@ -109,7 +109,7 @@ def bench_policy(benchmark: Any, row: Any, bank: Path, name: str, segmenter: str
     robot = Clocked(world.robot, spent, pick="physics", place="physics", transport="physics")
     camera = Clocked(world.camera, spent, capture="camera")
     eyes = Clocked(world.eyes, spent, cloth="cloth map", segments="segmentation", heights="heights")
-    own = cast(Policy, Clocked(policy(name, {}), spent, next="decisions"))
+    own = cast(Policy, Clocked(policy_of(Trial(policy=name)), spent, next="decisions"))
     trips = 0
 
     def episode() -> None:

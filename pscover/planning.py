@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from typing import TYPE_CHECKING, get_args
@@ -131,6 +131,7 @@ def plan(
     gap: float = 0.0,
     threads: int = 1,
     seed: int = 0,
+    start: Callable[[Instance], tuple[int, ...]] | None = None,
     observe: Observer = ignore,
 ) -> Plan:
     """Plan the grasps that clear a scene with the fewest trips.
@@ -166,6 +167,8 @@ def plan(
         Perception and the drawing of candidates are not cut short.
     gap, threads, seed
         See `pscover.result.Settings`; the seed also is that of the draw.
+    start
+        The candidates that searches begin from where no earlier search has found better ones; by default `best_effort`.
     observe
         Called at each improvement; True asks to stop.
 
@@ -208,7 +211,7 @@ def plan(
     begin = clock.monotonic()
     seen = as_seen(scene, segmenter, depth)
     own_sampling, own_predictor = paper_gripper(seen.scene.pixels_per_cm)
-    sampling, predictor = sampling or own_sampling, predictor or own_predictor
+    sampling, predictor, first = sampling or own_sampling, predictor or own_predictor, start or best_effort
     looked = clock.monotonic()
     if candidates not in get_args(Candidates):
         raise UnknownName.among("kind of candidates", str(candidates), get_args(Candidates))
@@ -229,7 +232,7 @@ def plan(
 
     def staged(instance: Instance, start: tuple[int, ...] | None, most: float, floor: float) -> Result:
         watch = observe if math.isinf(floor) else _up_to(floor, observe)
-        return solved(instance, best_effort(instance) if start is None else start, form, chosen, most, watch)
+        return solved(instance, first(instance) if start is None else start, form, chosen, most, watch)
 
     drawing = clock.monotonic() + DRAWING * left()
     grid = None
@@ -246,7 +249,7 @@ def plan(
     instance, result, strict = searched.instance, searched.result, None
     if not result.has_plan:
         strict, most = result, SHORTEST if result.stop is Stop.INTERRUPT else math.inf
-        nearest = best_effort(instance)
+        nearest = first(instance)
         try:
             result = solved(instance, nearest, "elastic", chosen, most, observe)
         except Refused:

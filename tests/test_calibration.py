@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from pscover.cli.app import app
 from pscover.execution.declutter import declutter
 from pscover.execution.episode import Header, Recorder
 from pscover.execution.events import Captured
+from pscover.execution.sight import PhotoEyes
 from pscover.execution.tabletop import ColourEyes, small_table
 from pscover.experiment.trial import Trial, policy_of, run
 from pscover.grasping.calibrated import Calibrated, read_predictor
@@ -69,6 +71,13 @@ def test_few_grasps_without_a_surprise_leave_the_jaw_its_size() -> None:
     assert 0.02 < found.half_cm2 < PAPER.half_cm2 / 2
     assert found.major_cm == pytest.approx(PAPER.major_cm, rel=0.6)
     assert found.minor_cm == pytest.approx(PAPER.minor_cm, rel=0.6)
+
+
+def test_outcomes_that_are_all_alike_bound_the_weights() -> None:
+    grasps = [replace(grasp, removed=np.ones(2, dtype=np.bool_)) for grasp in simulated(30)]
+    found = fit_logistic(grasps, PAPER)
+    assert 0 < found.weights[0] < 5
+    assert max(map(abs, found.weights)) < 5
 
 
 def test_the_logistic_model_finds_what_the_ellipse_cannot_know() -> None:
@@ -148,6 +157,32 @@ def test_records_say_what_each_grasp_took(tmp_path: Path) -> None:
     assert grasps[0].scene.segments[round(y), round(x)] in np.flatnonzero(grasps[0].removed)
 
 
+@pytest.mark.parametrize("measured", [True, False])
+def test_logged_heights_are_those_that_policies_see(tmp_path: Path, measured: bool) -> None:
+    table, random = small_table(), np.random.default_rng(0)
+
+    class Noisy:
+        def capture(self) -> Frame:
+            frame = table.capture()
+            assert frame.depth is not None
+            depth = (frame.depth + 0.002 * random.standard_normal(frame.shape)) * measured
+            return Frame(rgb=frame.rgb, depth=depth.astype(np.float32))
+
+    frames = []
+    with Recorder(tmp_path, Header(policy="segment-replan")) as record:
+        for event in declutter(table, Noisy(), registry.policy("segment-replan"), eyes=ColourEyes()):
+            record.write(event)
+            if isinstance(event, Captured):
+                frames.append(event.frame)
+    heights = next(logged([tmp_path])).heights
+    if not measured:
+        assert heights is None
+        return
+    assert heights is not None
+    np.testing.assert_array_equal(heights, PhotoEyes().heights(frames[0]))
+    assert np.median(heights[:8]) < 0.002
+
+
 def test_pictures_of_another_shape_are_named(tmp_path: Path) -> None:
     pytest.importorskip("cv2")
     table = small_table()
@@ -198,6 +233,20 @@ def test_the_command_fits_draws_and_is_taken_by_policies(records: Path, tmp_path
             policy="segment", options=(("backend", "greedy"),), world="tabletop", predictor=read_predictor(predictor)
         )
         assert run(trial)[0].reason == "clear"
+
+
+def test_records_to_test_with_may_lie_elsewhere(records: Path, tmp_path: Path) -> None:
+    places = [shutil.copytree(place, tmp_path / "test" / place.name) for place in folders(records)[:3]]
+    done = calibrate(records, "--test", tmp_path / "test", "-o", tmp_path / "p.json", "--json", "-q")
+    assert done.exit_code == 0, done.output
+    document = json.loads(done.stdout)
+    fitting, testing = list(logged(folders(records))), list(logged(places))
+    assert (document["episodes"], document["grasps"]) == (10, len(fitting) + len(testing))
+    assert document["models"]["ellipse"]["half_cm2"] == fit_ellipse(fitting).half_cm2
+    assert document["models"]["paper"]["log_loss"]["held_out"] == pairs(testing, PAPER).log_loss
+    done = calibrate(records, "--test", tmp_path / "nowhere", "-o", tmp_path / "q.json")
+    assert (done.exit_code, (tmp_path / "q.json").exists()) == (2, False)
+    assert "expected records" in done.stderr
 
 
 def test_mistakes_are_one_line(records: Path, tmp_path: Path) -> None:

@@ -34,6 +34,7 @@ from pscover.execution.tabletop import ColourEyes, Tabletop, small_table
 from pscover.policies._cycle import Cycle
 from pscover.policies.consolidation import Consolidation
 from pscover.policies.height import Height
+from pscover.policies.hybrid_height import HybridHeight
 from pscover.policies.random import Random
 from pscover.policies.segment import Segment
 from pscover.policy import Decision, Pick, Place, Policy, Transport, trip
@@ -403,6 +404,23 @@ def test_a_black_picture_shows_no_clear_table() -> None:
     assert ending(events) is Reason.CLEAR
     assert len(table.baskets) == 3
     assert count(events, FrameLost) == count(events, Captured)
+
+
+def test_cloth_is_looked_for_once_a_frame() -> None:
+    table, looked = small_table(), list[Frame]()
+
+    class Counting:
+        def cloth(self, frame: Frame) -> np.ndarray:
+            looked.append(frame)
+            return EYES.cloth(frame)
+
+        def __getattr__(self, name: str) -> object:
+            return getattr(EYES, name)
+
+    events = list(declutter(table, table, HybridHeight(pile_metres=0.03), eyes=Counting()))  # type: ignore[arg-type]
+    assert ending(events) is Reason.CLEAR
+    frames = [event.frame for event in events if isinstance(event, Captured)]
+    assert list(map(id, looked)) == list(map(id, frames))
 
 
 def test_an_image_that_is_none_is_a_lost_frame() -> None:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import subprocess
 import sys
-import threading
 import time
-import warnings
+from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -23,10 +21,10 @@ from pscover.evidence.machine import this_machine
 from pscover.evidence.sweep import Done, Store, run_sweep
 
 sys.path.insert(0, str(Path(__file__).parent))
+from dask_workers import two_workers
 from squares import SQUARES, Number, Square, cases, square
 
 PROGRAM = Path(__file__).with_name("squares.py")
-DASK_SECONDS = 60.0
 
 
 def inline() -> AbstractContextManager[Executor]:
@@ -153,34 +151,16 @@ def test_killed_and_resumed_gives_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(tmp_path: Path) -> None:
-    pytest.importorskip("distributed")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        from distributed import LocalCluster
+    store = Store(tmp_path / "cluster", SQUARES)
+    with two_workers() as workers:
 
-        workers = LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50)
-    try:
-        store = Store(tmp_path / "cluster", SQUARES)
-        killed: list[int] = []
+        def everything(alive: Callable[[], None]) -> None:
+            def kept(case: Number, row: Square) -> None:
+                workers.kill_one()
+                alive()
 
-        def kill_one(case: Number, row: Square) -> None:
-            if not killed:
-                killed.append(next(iter(workers.workers.values())).process.process.pid)
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(killed[0], signal.SIGKILL)
+            run_sweep(store, cases(0.05), lambda: cluster(workers.address), kept)
 
-        def everything() -> None:
-            run_sweep(store, cases(0.05), lambda: cluster(workers.scheduler_address), kill_one)
-
-        # A scheduler whose workers never come back waits for ever: that shall fail, not hang.
-        running = threading.Thread(target=everything, daemon=True)
-        running.start()
-        running.join(timeout=DASK_SECONDS)
-        assert killed
-        assert not running.is_alive()
-    finally:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            workers.close(timeout=10)
+        workers.finish(everything)
     serial(tmp_path / "serial", 0.05)
     assert (tmp_path / "cluster" / "results.jsonl").read_bytes() == (tmp_path / "serial" / "results.jsonl").read_bytes()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import json
 import math
@@ -10,10 +9,8 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
-import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -34,10 +31,13 @@ from pscover.experiment.published import TABLE_1
 from pscover.experiment.statistics import bootstrap, ratio, rows
 from pscover.experiment.store import Store
 from pscover.experiment.tables import NARROW, cells, markdown, write_results
-from pscover.experiment.trial import Outcome, Timing, Trial, run
+from pscover.experiment.trial import Outcome, Timing, Trial, policy_of, run
 from pscover.experiment.worlds import opened
 from pscover.policies.height import Height
 from pscover.policy import Decision
+
+sys.path.insert(0, str(Path(__file__).parent))
+from dask_workers import two_workers
 
 BASE = Trial(policy="random", world="tabletop")
 RESULTS = ("episodes.csv", "summary.csv", "summary.md", "policies.png", "experiment.json")
@@ -201,6 +201,15 @@ def test_other_settings_need_another_folder(tmp_path: Path) -> None:
     Store.of(tmp_path, replace(BASE, policy="height", seed=5, cache="elsewhere"))
     with pytest.raises(InvalidSettings, match="another folder"):
         Store.of(tmp_path, replace(BASE, options=(("points", "3"),)))
+
+
+def test_the_engine_of_plans_is_one_that_finds_the_same_again_and_is_named(tmp_path: Path) -> None:
+    for trial, engine in ((BASE, "highs"), (replace(BASE, options=(("backend", "greedy"),)), "greedy")):
+        Store.of(tmp_path / engine, trial)
+        settings = json.loads((tmp_path / engine / "experiment.json").read_text())
+        assert settings["options"]["backend"] == engine
+        for policy in ("segment", "segment-all", "segment-replan", "hybrid-volume", "hybrid-height", "consolidation"):
+            assert policy_of(replace(trial, policy=policy)).cycle.backend == engine  # type: ignore[attr-defined]
 
 
 def test_a_folder_with_anything_else_in_it_is_refused_and_left_alone(tmp_path: Path) -> None:
@@ -382,36 +391,19 @@ def test_killed_and_resumed_gives_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_a_cluster_loses_nothing_when_a_worker_is_killed(tmp_path: Path) -> None:
-    pytest.importorskip("distributed")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        from distributed import LocalCluster
+    store, listed = Store.of(tmp_path, BASE), trials(BASE, ["random", "height"], range(4))
+    done: list[tuple[str, int]] = []
+    with two_workers() as workers:
 
-        workers = LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50)
-    try:
-        store, listed = Store.of(tmp_path, BASE), trials(BASE, ["random", "height"], range(4))
-        killed: list[int] = []
-        done: list[tuple[str, int]] = []
+        def everything(alive: Callable[[], None]) -> None:
+            def count(found: Outcome) -> None:
+                done.append((found.policy, found.seed))
+                workers.kill_one()
+                alive()
 
-        def kill_one(found: Outcome) -> None:
-            done.append((found.policy, found.seed))
-            if not killed:
-                killed.append(next(iter(workers.workers.values())).process.process.pid)
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(killed[0], signal.SIGKILL)
+            run_all(listed, store, lambda: cluster(workers.address), count)
 
-        def everything() -> None:
-            run_all(listed, store, lambda: cluster(workers.scheduler_address), kill_one)
-
-        # A scheduler whose workers never come back waits for ever: that shall fail, not hang.
-        running = threading.Thread(target=everything, daemon=True)
-        running.start()
-        running.join(timeout=150)
-        assert killed
-        assert sorted(done) == sorted((trial.policy, trial.seed) for trial in listed)
-        for trial in listed[:2]:
-            assert store.outcome(trial.policy, trial.seed) == run(trial)[0]
-    finally:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            workers.close()
+        workers.finish(everything)
+    assert sorted(done) == sorted((trial.policy, trial.seed) for trial in listed)
+    for trial in listed[:2]:
+        assert store.outcome(trial.policy, trial.seed) == run(trial)[0]

@@ -16,6 +16,7 @@ from pscover.generate.garments import garments
 from pscover.grasping.ellipse import Ellipse
 from pscover.grasping.sampling import Sampling
 from pscover.grasps import ordered
+from pscover.instance import Instance
 from pscover.plan_document import encode_plan, save_plan
 from pscover.planning import as_seen, best_effort, plan
 from pscover.scene import Scene
@@ -179,6 +180,16 @@ def test_without_time_the_plan_is_still_the_best_known() -> None:
     assert len(found.grasps) > 5
     assert len(found.instance.conflicts.broken_by([grasp.candidate for grasp in found.grasps])) == 0
     assert len(found.unmet) < 20
+
+
+def test_searches_begin_from_the_start_that_is_given() -> None:
+    def last(instance: Instance) -> tuple[int, ...]:
+        return (instance.candidates - 1,)
+
+    for labels, searches in ((thin_and_thick()[50:, 100:], 1), (thin_and_thick(), 2)):
+        found = plan(labels, start=last)
+        solved = [found.result] if found.strict is None else [found.strict, found.result]
+        assert [result.settings.start for result in solved] == [last(found.instance)] * searches
 
 
 def test_best_effort_is_free_of_conflicts_and_never_idle() -> None:

@@ -219,6 +219,19 @@ def test_replan_plans_for_every_grasp_and_keeps_what_is_left() -> None:
         assert (np.abs(poses - (target.pose.x, target.pose.y, target.pose.theta)).sum(axis=1) < 1e-9).any()
 
 
+def test_replan_within_no_time_still_plans() -> None:
+    made = SegmentReplan(cycle=Cycle(seconds=1e-9)).next(small_table().sight(), None, np.random.default_rng(0)).plan
+    assert made is not None
+    assert made.grasps
+    assert made.strict is None or made.unmet
+
+
+def test_plans_are_made_by_the_planning_engine() -> None:
+    made = Segment().next(small_table().sight(), None, np.random.default_rng(0)).plan
+    assert made is not None
+    assert made.result.backend == registry.planning_backend()
+
+
 def test_hybrid_takes_depth_above_the_height_and_segments_below() -> None:
     heights = np.zeros((60, 120))
     heights[10:50, 10:50] = 0.05

@@ -25,7 +25,8 @@ FINE = 2.35
 FLOOR = 0.005
 """Probabilities are kept so far from 0 and 1 where their logarithm is taken."""
 RIDGE = 1.0
-"""Pulls the weights of standardised features towards 0, as so many made-up observations would."""
+"""Pulls the weights of standardised features and the constant towards 0, as so many made-up observations would. Without it,
+nothing bounds the constant where all garments under the gripper were removed."""
 PULL = (25.0, 25.0, 1.0)
 """The same for the logarithms of d1, d2 and b, towards the numbers that a fit starts from: few grasps are told apart by
 absurd numbers, too. The jaw can be measured, to a fifth or so; b cannot."""
@@ -162,7 +163,7 @@ def fit_logistic(grasps: Sequence[Logged], ellipse: Calibrated) -> Calibrated:
 
     def loss(weights: FloatArray) -> float:
         total = logits + adjustment(replace(plain, weights=tuple(weights.tolist())), columns)
-        return float(np.logaddexp(0.0, -sign * total).sum() + 0.5 * RIDGE * (weights[1:] ** 2).sum())
+        return float(np.logaddexp(0.0, -sign * total).sum() + 0.5 * RIDGE * (weights**2).sum())
 
     found = minimize(loss, np.zeros(len(FEATURES) + 1), method="L-BFGS-B")
     return replace(plain, weights=tuple(float(weight) for weight in found.x))

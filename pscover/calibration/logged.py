@@ -14,9 +14,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pscover.errors import InvalidResult
+from pscover.errors import InvalidImage, InvalidResult
 from pscover.execution.episode import LOG, events
 from pscover.execution.events import Captured, Decided, Judged, MotionFailed, Moved
+from pscover.perception.depth import height_map
 from pscover.policy import Pick
 from pscover.robot import Frame, Pose
 from pscover.scene import Scene
@@ -42,7 +43,7 @@ class Logged:
     removed
         Whether each garment of the scene was gone afterwards, shape (garments,).
     heights
-        Metres above the lowest thing seen, of the scene's shape, or None.
+        Metres above the table, of the scene's shape, as policies see them; None where no depth shows a table.
     """
 
     episode: str
@@ -115,18 +116,22 @@ def _grasp(episode: str, seen: Seen, pose: Pose, before: Frame, after: Frame) ->
     scene = seen.scene
     gone = np.bincount(scene.segments[changed] + 1, minlength=scene.garments + 1)[1:]
     x, y = seen.grid.from_photo(pose.x, pose.y)
-    heights = None
-    if before.depth is not None:
-        known = np.where(np.isfinite(before.depth) & (before.depth > 0), before.depth, np.nan)
-        farthest = known.max(initial=-np.inf, where=np.isfinite(known))
-        heights = seen.grid.nearest(farthest - known) if np.isfinite(farthest) else None
     return Logged(
         episode=episode,
         scene=scene,
         pose=np.array([x, y, pose.theta]),
         removed=gone >= GONE * scene.areas(),
-        heights=heights,
+        heights=_heights(before, seen),
     )
+
+
+def _heights(frame: Frame, seen: Seen) -> NDArray[np.floating] | None:
+    if frame.depth is None:
+        return None
+    try:
+        return seen.grid.nearest(height_map(frame.depth, metres_per_unit=1.0).metres)
+    except InvalidImage:
+        return None
 
 
 def split(grasps: Sequence[Logged], share: float, seed: int = 0) -> tuple[list[Logged], list[Logged]]:

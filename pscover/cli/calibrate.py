@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     help="Share of the episodes to test with.",
 )
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=0, show_default=True, help="Of the choice of these.")
+@click.option("--test", type=FILE, metavar="DIR", help="Fit to all episodes, and test with the records below this folder.")
 @click.option("--figure", type=FILE, metavar="FILE", help="Draw how reliable the predictors are (.png, .svg, .pdf).")
 @json_option
 @quiet_option
@@ -42,6 +43,7 @@ def command(
     model: str,
     held_out: float,
     seed: int,
+    test: Path | None,
     figure: Path | None,
     as_json: bool,
     quiet: bool,
@@ -49,7 +51,8 @@ def command(
     """Fit the predictor to the grasps in the records below DIR, by maximum likelihood, and test it on episodes held out.
 
     A garment counts as removed when most of its pixels changed in the picture after the trip: nobody has to label
-    anything. Any policy that plans by segments takes the result as --predictor.
+    anything. Any policy that plans by segments takes the result as --predictor. Episodes that several policies began with
+    the same scene belong on one side: keep those to test with in a folder of their own, and name it with --test.
 
     \b
     Examples:
@@ -68,7 +71,11 @@ def command(
     require_writable(output, suffixes=(".json",))
     require_writable(figure, suffixes=(".png", ".svg", ".pdf"))
     grasps = list(logged(folders(records)))
-    fitting, testing = split(grasps, held_out, seed)
+    if test is None:
+        fitting, testing = split(grasps, held_out, seed)
+    else:
+        fitting, testing = grasps, list(logged(folders(test)))
+        grasps = [*fitting, *testing]
     ellipse = fit_ellipse(fitting)
     fitted = {"paper": PAPER, "ellipse": ellipse, "logistic": fit_logistic(fitting, ellipse)}
     trained = {name: pairs(fitting, predictor) for name, predictor in fitted.items()}

@@ -27,7 +27,7 @@ from pscover.execution.events import (
 )
 from pscover.execution.hands import Hands, Hung
 from pscover.execution.ledger import Ledger
-from pscover.execution.sight import Eyes, PhotoEyes, Sight
+from pscover.execution.sight import BoolImage, Eyes, PhotoEyes, Sight
 from pscover.execution.sound import check_decision
 from pscover.policies._blind import anywhere
 from pscover.policies._cycle import change
@@ -130,7 +130,8 @@ def declutter(
     patience
         When to give up what.
     seed
-        Of everything random. With equal seeds and frames, equal decisions follow.
+        Of everything random. With equal seeds and frames, equal decisions follow, as far as plans do not depend on the
+        machine's speed: see `pscover.policies._cycle.Cycle`.
     ledger
         Of a run that is taken up again (see `pscover.execution.episode`); by default that of a new one.
 
@@ -184,7 +185,10 @@ class _Run:
     """Whether the last pick holds nothing, by its weight."""
     state: object | None = None
     frame: Frame | None = None
+    cloth_map: BoolImage | None = None
+    """Which pixels of the frame show cloth."""
     cloth: int = 0
+    """How many of them."""
 
     def pixels(self, centimetres: float) -> float:
         return centimetres * self.eyes.pixels_per_cm
@@ -231,7 +235,7 @@ class _Run:
 
     def _sight(self, frame: Frame) -> Sight:
         failed = self.ledger.given_up(self.patience.tries)
-        return Sight(frame, self.eyes, failed, self.pixels(self.patience.place_cm))
+        return Sight(frame, self.eyes, failed, self.pixels(self.patience.place_cm), self.cloth_map)
 
     def _reason_to_end(self, sight: Sight) -> Reason | None:
         patience, ledger = self.patience, self.ledger
@@ -266,11 +270,11 @@ class _Run:
                 frame = self.hands.capture()
                 if shape is not None and frame.shape != shape:
                     raise RobotFailed(f"expected a frame of shape {shape}, as before, got {frame.shape}")
-                self.cloth = int(np.count_nonzero(self.eyes.cloth(frame)))
+                self.cloth_map = self.eyes.cloth(frame)
             except (RobotFailed, InvalidImage) as problem:
                 yield FrameLost(message=str(problem))
                 continue
-            self.frame = frame
+            self.frame, self.cloth = frame, int(np.count_nonzero(self.cloth_map))
             yield Captured(frame=frame, cloth=self.cloth)
             return
 

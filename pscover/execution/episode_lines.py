@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pscover.encoding import encode_labels, encode_photo
 from pscover.errors import InvalidImage, InvalidResult
 from pscover.execution.events import (
     Captured,
@@ -29,7 +29,6 @@ from pscover.execution.events import (
 )
 from pscover.files import read_bytes, write_bytes
 from pscover.images import read_labels, read_photo
-from pscover.perception.colour import opencv
 from pscover.perception.grid import Grid
 from pscover.policy import Action, Pick, Place, Skip, Transport
 from pscover.robot import Frame, Pose
@@ -183,7 +182,7 @@ def _read_action(document: dict[str, Any]) -> Action:
 
 def _write_frame(frame: Frame, folder: Path, number: int) -> dict[str, Any]:
     names: dict[str, Any] = {"image": f"{number:06d}.png", "depth": None}
-    _write_png(folder / names["image"], frame.rgb[:, :, ::-1])
+    write_bytes(folder / names["image"], encode_photo(frame.rgb, ".png", "a record"))
     if frame.depth is not None:
         names["depth"] = f"{number:06d}.depth.npz"
         content = io.BytesIO()
@@ -209,7 +208,7 @@ def _read_frame(document: dict[str, Any], folder: Path) -> Frame:
 
 def _write_seen(seen: Seen, folder: Path, number: int) -> dict[str, Any]:
     scene, name = seen.scene, f"{number:06d}.labels.png"
-    _write_png(folder / name, (scene.segments + 1).astype(np.uint16))
+    write_bytes(folder / name, encode_labels(scene.segments + 1))
     return {
         "labels": name,
         "values": scene.values.tolist(),
@@ -242,10 +241,3 @@ def _beside(folder: Path, name: object) -> Path:
     if not isinstance(name, str) or Path(name).name != name:
         raise ValueError(f"a file {name!r}")
     return folder / name
-
-
-def _write_png(path: Path, pixels: NDArray[Any]) -> None:
-    done, content = opencv("a record").imencode(".png", np.ascontiguousarray(pixels))
-    if not done:
-        raise InvalidImage(f"{path}: cannot be encoded as PNG")
-    write_bytes(path, content.tobytes())

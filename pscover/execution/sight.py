@@ -162,6 +162,8 @@ class Sight:
         Points (x, y) where grasps have failed often enough.
     radius
         Pixels around these points in which no grasp is to be made.
+    cloth
+        Which pixels show cloth, if the eyes have said so of this frame already.
 
     Examples
     --------
@@ -173,11 +175,20 @@ class Sight:
     (1, 200, 100)
     """
 
-    def __init__(self, frame: Frame, eyes: Eyes, failed: Iterable[tuple[float, float]] = (), radius: float = 0.0) -> None:
+    def __init__(
+        self,
+        frame: Frame,
+        eyes: Eyes,
+        failed: Iterable[tuple[float, float]] = (),
+        radius: float = 0.0,
+        cloth: BoolImage | None = None,
+    ) -> None:
         self.frame = frame
         self.eyes = eyes
         self.failed = tuple(failed)
         self.radius = radius
+        if cloth is not None:
+            self.cloth = cloth
 
     @cached_property
     def cloth(self) -> BoolImage:

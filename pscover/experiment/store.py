@@ -117,7 +117,7 @@ def _settings(trial: Trial) -> bytes:
         "world": trial.world,
         "constants": _constants(trial.world),
         "segmenter": trial.segmenter,
-        "options": dict(trial.options),
+        "options": trial.settings,
         "predictor": trial.predictor,
         "patience": {name: value for name, value in msgspec.to_builtins(trial.patience).items() if value is not None},
     }

@@ -18,6 +18,10 @@ from pscover.experiment.worlds import Kind, Sorting, World, opened
 from pscover.grasping.calibrated import Calibrated
 from pscover.policy import Pick, Place, Policy, Transport
 
+ENGINE = "highs"
+"""Of the policies that plan. `auto` goes by the clock, and by whether its kernels are loaded yet: which of several best
+plans it finds differs from process to process, and an experiment that is taken up again would end with other tables."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
@@ -26,7 +30,7 @@ class Trial:
     Parameters
     ----------
     policy, options
-        Its name, and its settings as text.
+        Its name, and its settings as text. Plans are made by `ENGINE` unless they name another.
     seed
         Of the scene, and of the policy.
     world, segmenter
@@ -53,6 +57,11 @@ class Trial:
     film: str = ""
     predictor: Calibrated | None = None
     patience: Patience = field(default_factory=lambda: replace(PATIENCE, empty_kilograms=0.0))
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """The settings that the policy is made with, as text."""
+        return {"backend": ENGINE, **dict(self.options)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,7 +159,7 @@ def policy_of(trial: Trial) -> Policy:
         If there is no such policy, or a value is outside its domain.
     """
     known = registry.policy_settings(trial.policy)
-    policy: Any = registry.policy(trial.policy, {name: value for name, value in trial.options if name in known})
+    policy: Any = registry.policy(trial.policy, {name: value for name, value in trial.settings.items() if name in known})
     if trial.predictor is not None and hasattr(policy, "cycle"):
         policy = replace(policy, cycle=replace(policy.cycle, predictor=trial.predictor))
     made: Policy = policy
@@ -233,5 +242,5 @@ def _recorder(trial: Trial, pixels_per_cm: float) -> Recorder:
     folder = Path(trial.record) / trial.policy / f"{trial.seed:04d}"
     # An episode that was cut off begins anew: a simulated world cannot be taken up in the middle.
     discard(folder)
-    header = Header(policy=trial.policy, options=dict(trial.options), seed=trial.seed, pixels_per_cm=pixels_per_cm)
+    header = Header(policy=trial.policy, options=trial.settings, seed=trial.seed, pixels_per_cm=pixels_per_cm)
     return Recorder(folder, header)

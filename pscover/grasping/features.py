@@ -62,14 +62,18 @@ def features(scene: Scene, poses: FloatArray, areas: csc_array, heights: NDArray
 
 def _depths(scene: Scene, x: NDArray[np.intp], y: NDArray[np.intp], garment: NDArray[np.integer]) -> FloatArray:
     """How far each point lies within a garment, in pixels; negative outside."""
-    from scipy.ndimage import distance_transform_edt
+    from scipy.ndimage import distance_transform_edt, find_objects
 
     depths = np.zeros(len(x))
+    boxes = find_objects(scene.segments + 1)
     for j in np.unique(garment):
         pairs = np.flatnonzero(garment == j)
-        # One pixel of surface around the image: the garment ends at its edge.
-        mask = np.pad(scene.segments == j, 1)
+        row, column = y[pairs], x[pairs]
+        # The garment and the points are all that matters. One pixel around them: the garment ends at the image's edge.
+        top, left = min(boxes[j][0].start, row.min()), min(boxes[j][1].start, column.min())
+        bottom, right = max(boxes[j][0].stop, row.max() + 1), max(boxes[j][1].stop, column.max() + 1)
+        mask = np.pad(scene.segments[top:bottom, left:right] == j, 1)
         inside, outside = distance_transform_edt(mask), distance_transform_edt(~mask)
-        row, column = y[pairs] + 1, x[pairs] + 1
+        row, column = row - top + 1, column - left + 1
         depths[pairs] = inside[row, column] - outside[row, column]
     return depths

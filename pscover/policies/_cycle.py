@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import get_args
 
 import numpy as np
@@ -79,7 +79,8 @@ class Cycle:
     points, orientations, required
         k, l and q_j (paper, sections 2 and 4).
     backend, formulation
-        Engine and model.
+        Engine and model; by default the engine of `pscover.plan`. Which of several best plans `auto` finds depends on the
+        machine's speed; `highs` and `greedy` find the same one again.
     seconds
         Deadline of a plan. A plan that the deadline cuts off depends on the machine's speed.
     square_cm
@@ -107,7 +108,7 @@ class Cycle:
     points: int = 5
     orientations: int = 6
     required: float = 0.7
-    backend: str = "highs"
+    backend: str = field(default_factory=registry.planning_backend)
     formulation: str = "clique"
     seconds: float = 20.0
     square_cm: float = 4.25

@@ -10,18 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pscover.execution.sight import Sight
-from pscover.grasping.candidates import candidates
 from pscover.grasping.partition import partition
-from pscover.grasping.pool import Scope
 from pscover.grasping.sampling import Grasps, Sampling
-from pscover.grasps import ordered
 from pscover.instance import Instance
-from pscover.planning import SHORTEST, Plan, Stages, best_effort, paper_gripper
+from pscover.planning import SHORTEST, Plan, best_effort, paper_gripper, plan
 from pscover.policies._cycle import Cycle
-from pscover.result import Result, Settings
 from pscover.robot import Pose
 from pscover.scene import Scene
-from pscover.solve import solve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,35 +64,18 @@ def plan_from(cycle: Cycle, sight: Sight, left: Sequence[Pose], seed: int) -> Pl
     """
     began = clock.monotonic()
     seen = sight.seen
-    own, gripper = paper_gripper(seen.scene.pixels_per_cm, points=cycle.points, orientations=cycle.orientations)
+    own, _ = paper_gripper(seen.scene.pixels_per_cm, points=cycle.points, orientations=cycle.orientations)
     kept = tuple((*seen.grid.from_photo(pose.x, pose.y), pose.theta) for pose in left)
-    sampling = WithKept(points=own.points, orientations=own.orientations, reach=own.reach, kept=kept)
-    instance = candidates(
-        seen.scene, sampling=sampling, predictor=cycle.predictor_for(sight), required=cycle.required, seed=seed
-    )
-    start = _start(instance, kept)
-    drawn = clock.monotonic()
-
-    def solved(formulation: str, backend: str) -> Result:
-        settings = Settings(time=max(SHORTEST, cycle.seconds - (clock.monotonic() - began)), seed=seed, start=start)
-        return solve(instance, backend=backend, formulation=formulation, settings=settings)
-
-    result, strict = solved(cycle.formulation, cycle.backend), None
-    if not result.has_plan:
-        strict, result = result, solved("elastic", "highs")
-    chosen = () if result.chosen is None else result.chosen.tolist()
-    return Plan(
-        seen=seen,
-        instance=instance,
-        sampling=sampling,
-        scope=Scope(candidates="sampled", poses=instance.candidates),
-        axes=gripper.axes,
-        result=result,
-        strict=strict,
-        grasps=ordered(seen, instance, chosen),
-        coverage=instance.coverage(chosen),
-        bound=(strict or result).bound,
-        seconds=Stages(candidates=drawn - began, solve=clock.monotonic() - drawn),
+    return plan(
+        seen,
+        sampling=WithKept(points=own.points, orientations=own.orientations, reach=own.reach, kept=kept),
+        predictor=cycle.predictor_for(sight),
+        required=cycle.required,
+        backend=cycle.backend,
+        formulation=cycle.formulation,
+        time=max(SHORTEST, cycle.seconds - (clock.monotonic() - began)),
+        seed=seed,
+        start=lambda instance: _start(instance, kept),
     )
 
 
