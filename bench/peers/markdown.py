@@ -51,11 +51,17 @@ def provenance(runs: list[dict[str, Any]]) -> str:
     for run in runs:
         for name, version in run["versions"].items():
             versions.setdefault(name, set()).add(version)
-    machines = sorted({f"{run['machine']['processor']}, Python {run['machine']['python']}" for run in runs})
+    machines = sorted({_machine(run["machine"]) for run in runs})
     packages = ", ".join(f"{name} {'/'.join(sorted(found))}" for name, found in sorted(versions.items()))
     days = sorted(run["when"] for run in runs)
     trees = ", ".join(sorted({run["commit"] for run in runs if run["contestant"].startswith("auto")}))
     return f"{packages}; {'; '.join(machines)}; {days[0]} to {days[-1]}; our tree: {trees or '–'}; seed 0.\n"
+
+
+def _machine(record: dict[str, Any]) -> str:
+    # Older runs have the number of processors in front of the name.
+    many = f"{record['cores']} x " if "cores" in record else ""
+    return f"{many}{record['processor']}, Python {record['python']}"
 
 
 def write(path: Path, title: str, parts: list[str]) -> None:

@@ -3,35 +3,19 @@
 from __future__ import annotations
 
 import json
-import platform
 import sys
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from bench.peers.families import Case
 from bench.peers.runner import Contestant, Run, measure, now
+from pscover.evidence.machine import this_machine
 from pscover.files import write_bytes
 
 SCHEMA = "pscover.bench/1"
 RESULTS = Path(__file__).parents[1] / "results"
-
-
-def machine() -> dict[str, str]:
-    """What the runs were measured on."""
-    processor = platform.processor()
-    listing = Path("/proc/cpuinfo")
-    if listing.exists():
-        models = [
-            line.partition(":")[2].strip() for line in listing.read_text().splitlines() if line.startswith("model name")
-        ]
-        processor = f"{len(models)} x {models[0]}" if models else processor
-    return {
-        "processor": processor,
-        "system": platform.platform(),
-        "python": sys.version.split()[0],
-        "numpy": metadata.version("numpy"),
-    }
 
 
 class Store:
@@ -67,7 +51,7 @@ class Store:
         if self.path.exists():
             self.runs = json.loads(self.path.read_text())["runs"] | self.runs
         key = self.key(run.instance, run.contestant, run.limit, run.seed)
-        self.runs[key] = run.document() | {"when": now(), "machine": machine()}
+        self.runs[key] = run.document() | {"when": now(), "machine": msgspec.to_builtins(this_machine())}
         document = {"schema": SCHEMA, "clock": "CPU seconds of the contestant's processes", "runs": self.runs}
         self.path.parent.mkdir(parents=True, exist_ok=True)
         write_bytes(self.path, _text(document).encode())
