@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import csv
-import json
-import platform
 import sys
 from collections.abc import Callable
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+from pscover.evidence.machine import this_machine
+
+sys.path.append(str(Path(__file__).parents[1]))
 SHARED = Path(__file__).parents[2] / "shared"
 # Programs of their own, not benchmark cases.
 collect_ignore_glob = ["fuzz_*.py", "*_table.py", "compare.py", "peers/*"]
@@ -63,18 +63,7 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
                 writer = csv.DictWriter(file, names)
                 writer.writeheader()
                 writer.writerows(rows)
-        packages = ("pscover", "numpy", "scipy", "highspy", "cvxpy-base", "pyomo", "pyscipopt", "ortools")
-        machine = {"python": sys.version, "machine": platform.platform(), "processor": platform.processor()}
-        machine |= {name: metadata.version(name) for name in packages if _is_installed(name)}
-        (target / "machine.json").write_text(json.dumps(machine, indent=2) + "\n")
-
-
-def _is_installed(name: str) -> bool:
-    try:
-        metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return False
-    return True
+        (target / "machine.json").write_bytes(msgspec.json.format(msgspec.json.encode(this_machine()), indent=2) + b"\n")
 
 
 def _text(value: Any) -> str:

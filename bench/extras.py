@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import platform
 import subprocess
 import sys
 import tempfile
@@ -35,6 +36,12 @@ labels = numpy.zeros((80, 160), dtype=int)
 labels[20:60, 10:60] = 1
 print(pscover.plan(labels, required=0.6, conflicts='ellipse').status)
 " """
+COMPRESSED = """python -c "
+import numpy
+from pscover.perception.annotations import read_annotations, write_annotations
+numpy.save('labels.npy', numpy.eye(9, dtype=int))
+write_annotations(read_annotations('labels.npy'), 'masks.json', 'coco-compressed')
+" """
 DASK = """python -c "
 from distributed import LocalCluster
 if __name__ == '__main__':
@@ -44,13 +51,31 @@ if __name__ == '__main__':
             '--segmenter', 'truth', '--quiet', '--scheduler', cluster.scheduler_address, '-o', 'episodes']))
 " """
 
+MUJOCO = """python -c "
+from pscover.sim import World, WorldSettings
+from pscover.sim.mujoco_jaw import replay
+from pscover.sim.wardrobe import wardrobe
+world = World.of(wardrobe(0.65)[5:6], WorldSettings())
+world.cloth.position[:] += (0.5, 0.3, 0.007)
+assert replay(world, 0.5, 0.3, 0.0).steady
+" """
+
+HEAD = """# Extras, each alone
+
+Measured by `python bench/extras.py` under Python {python} on {system}, each in an environment of its own. MB are those of
+site-packages, without pip and compiled Python; extras share packages, so that sums say too much. `sam`, `models` and `all`
+got PyTorch's build for the CPU, without which pip brings gigabytes of CUDA."""
+FOOT = """`instance.json` is instances/tiny/cliques.json, `photo.jpg` is instances/photos/tshirts_363_color.jpg, `labels.png`
+its labels; `weights` holds MobileSAM's weights, which the project does not ship (PSCOVER_MODELS says where they are)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """An extra, the work that shows it, and what that work needs beside it."""
+    """An extra, the work that shows it, what the table calls that work, and what it needs beside the extra."""
 
     extra: str
     work: str
+    called: str = ""
     torch: bool = False
     weights: bool = False
 
@@ -70,19 +95,20 @@ CASES = (
     Case("", SOLVE.format(instance="{instance}", name="highs")),
     *(Case(name, SOLVE.format(instance="{instance}", name=name)) for name in ("cvxpy", "pyomo", "scip", "cpsat")),
     Case("engine", SOLVE.format(instance="{instance}", name="auto")),
-    Case("geometry", ELLIPSE),
+    Case("geometry", ELLIPSE, called='`plan(labels, conflicts="ellipse")`'),
     Case("figures", "pscover plan {labels} --figure plan.png"),
     Case("perception", "pscover plan {photo} --no-figure"),
     Case("plan", "pscover plan {photo} --html report.html -o plan.json"),
-    Case("coco", "pscover segment {labels} --coco masks.json --no-figure"),
+    Case("coco", COMPRESSED, called='`write_annotations(masks, "masks.json", "coco-compressed")`'),
     Case("mobile-sam", SAM.format(photo="{photo}", name="mobile-sam"), weights=True),
     Case("sam", GUIDED, torch=True, weights=True),
     Case("models", "pscover models export {weights}/mobile_sam.pt", torch=True, weights=True),
     Case("sim", SIMULATE),
-    Case("cluster", DASK),
+    Case("mujoco", MUJOCO, called="`pscover.sim.mujoco_jaw.replay`, a glove in MuJoCo"),
+    Case("cluster", DASK, called="`pscover simulate --scheduler ADDRESS`, beside a Dask cluster of one worker"),
     Case("engines", "pscover compare {instance} --backends highs,cvxpy,pyomo,scip,cpsat"),
     Case("all", "pscover plan {photo} --backend auto --figure plan.png", torch=True),
-    Case("docs", "python -m mkdocs --version"),
+    Case("docs", "NO_MKDOCS_2_WARNING=1 mkdocs build --quiet --strict --config-file {root}/mkdocs.yml --site-dir $PWD/site"),
 )
 
 
@@ -111,10 +137,8 @@ def size(folder: Path) -> float:
 
 
 def wheel(folder: Path) -> Path:
-    """The project's wheel, built in a folder."""
-    subprocess.run(
-        [sys.executable, "-m", "build", "--wheel", "--outdir", str(folder), str(ROOT)], check=True, capture_output=True
-    )
+    """The project's wheel, built in a folder; by way of the sdist, which leaves no build/ in the checkout."""
+    subprocess.run([sys.executable, "-m", "build", "--outdir", str(folder), str(ROOT)], check=True, capture_output=True)
     return next(folder.glob("*.whl"))
 
 
@@ -133,7 +157,7 @@ def measure(case: Case, built: Path, torch: str, weights: str | None) -> Found:
         weight, count = size(site(programs)), len(list(site(programs).glob("*.dist-info")))
         if case.weights and weights is None:
             return Found(case.extra, weight, count, case.work, "installed; no weights to try it with")
-        work = case.work.format(photo=PHOTO, instance=INSTANCE, labels=LABELS, weights=weights)
+        work = case.work.format(photo=PHOTO, instance=INSTANCE, labels=LABELS, weights=weights, root=ROOT)
         surroundings = {
             **os.environ,
             "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}",
@@ -155,18 +179,23 @@ def _last(text: str) -> str:
 def page(found: list[Found]) -> str:
     """The table as Markdown; sizes beyond the bare installation."""
     bare = next((row for row in found if not row.extra), None)
-    lines = ["# Extras, each alone", ""]
+    lines = [HEAD.format(python=platform.python_version(), system=platform.system()), ""]
     if bare:
         lines += [f"Without an extra: {bare.packages - 1} packages, {bare.megabytes:.0f} MB. An extra adds:", ""]
     lines += ["| extra | packages | MB | shown by | outcome |", "| --- | ---: | ---: | --- | --- |"]
-    for row in found:
-        if row.extra:
+    for case in CASES:
+        for row in (row for row in found if row.extra == case.extra != ""):
             more, weight = (
                 (row.packages - bare.packages, row.megabytes - bare.megabytes) if bare else (row.packages, row.megabytes)
             )
-            shown = " ".join(row.work.split()) if len(row.work) < 120 else "a short script"
-            lines.append(f"| `{row.extra}` | {more} | {weight:.0f} | `{shown}` | {row.outcome} |")
+            lines.append(f"| `{row.extra}` | {more} | {weight:.0f} | {_called(case)} | {row.outcome} |")
+    lines += ["", FOOT]
     return "\n".join(lines) + "\n"
+
+
+def _called(case: Case) -> str:
+    names = {"photo": "photo.jpg", "labels": "labels.png", "instance": "instance.json", "weights": "weights", "root": "."}
+    return case.called or f"`{case.work.format(**names)}`"
 
 
 def main() -> None:

@@ -198,6 +198,8 @@ def _spread(proof: Prices | Split, elements: LongArray, entries: LongArray, inst
 
 
 def _check(instance: Instance, certificate: Certificate) -> None:
+    if not isinstance(certificate, Certificate):
+        raise InvalidResult(f"certificate: expected a Certificate, got {type(certificate).__name__}")
     for name, value, most in (("units", certificate.units, MOST_UNITS), ("scale", certificate.scale, MOST_SCALE)):
         if not isinstance(value, int) or not 1 <= value <= most:
             raise InvalidResult(f"certificate: {name}: expected a whole number from 1 to {most}, got {value!r}")
@@ -207,17 +209,22 @@ def _check(instance: Instance, certificate: Certificate) -> None:
         if isinstance(part, Prices):
             _check_prices(instance, part, certificate.units)
             continue
+        if not isinstance(part, Split):
+            raise InvalidResult(f"certificate: proof: expected Prices or a Split, got {type(part).__name__}")
         if depth >= MOST_DEPTH:
             raise InvalidResult(f"certificate: expected at most {MOST_DEPTH} splits within each other, got more")
-        if not 0 <= part.element < instance.elements or not 0 <= part.count <= MOST_COUNT:
+        whole = isinstance(part.element, int) and isinstance(part.count, int)
+        if not (whole and 0 <= part.element < instance.elements and 0 <= part.count <= MOST_COUNT):
             expected = f"an element below {instance.elements} and a count of at most {MOST_COUNT}"
-            raise InvalidResult(f"certificate: split: expected {expected}, got {part.element} and {part.count}")
+            raise InvalidResult(f"certificate: split: expected {expected}, got {part.element!r} and {part.count!r}")
         stack += [(part.few, depth + 1), (part.many, depth + 1)]
 
 
 def _check_prices(instance: Instance, prices: Prices, units: int) -> None:
     p = instance.probability
     for name, array, size in (("entry", prices.entry, p.nnz), ("unit", prices.unit, instance.elements)):
+        if not isinstance(array, np.ndarray):
+            raise InvalidResult(f"certificate: {name} prices: expected a NumPy array, got {type(array).__name__}")
         if array.dtype != np.int64 or array.shape != (size,):
             raise InvalidResult(
                 f"certificate: {name} prices: expected {size} whole numbers, got {array.shape} of {array.dtype}"

@@ -180,8 +180,12 @@ def warm_up(backend: str | Backend | None = None) -> None:
         As for `solve`.
     """
     if backend is None:
-        importlib.import_module("pscover.inputs")
+        for module in ("pscover.planning", "pscover.inputs"):
+            importlib.import_module(module)
+        registry.formulation("clique")
         backend = registry.planning_backend()
+        if backend == "auto":
+            importlib.import_module("pscover.engine.block")
     engine = registry.backend(backend) if isinstance(backend, str) else backend
     if isinstance(engine, SlowToStart):
         engine.warm_up()

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pscover.errors import InvalidImage, MissingDependency
+from pscover.encoding import encode_photo
+from pscover.perception.colour import opencv
 
+USER = "the report"
 FINE = 3
 """Outlines run through a grid this much finer than the pixels, so that they show no steps."""
 FINE_LIMIT = 2**20
@@ -42,7 +44,7 @@ def outlines(labels: NDArray[np.int32]) -> list[str]:
     """
     from scipy import ndimage
 
-    cv2 = _opencv()
+    cv2 = opencv(USER)
     scale = FINE if labels.size <= FINE_LIMIT else 1
     paths = []
     for number, window in enumerate(ndimage.find_objects(labels), start=1):
@@ -74,16 +76,13 @@ def picture_data(photo: NDArray[np.uint8]) -> str:
     MissingDependency
         Without OpenCV.
     """
-    cv2 = _opencv()
+    cv2 = opencv(USER)
     height, width = photo.shape[:2]
     factor = PHOTO_SIDE / max(height, width)
     if factor < 1:
         size = max(1, round(width * factor)), max(1, round(height * factor))
         photo = cv2.resize(photo, size, interpolation=cv2.INTER_AREA)
-    done, content = cv2.imencode(".jpg", photo[:, :, ::-1], (cv2.IMWRITE_JPEG_QUALITY, 86))
-    if not done:
-        raise InvalidImage(f"photo: OpenCV cannot make a JPEG of shape {photo.shape}")
-    return "data:image/jpeg;base64," + base64.b64encode(content.tobytes()).decode("ascii")
+    return _data(photo, 86)
 
 
 def heights_data(shares: NDArray[np.floating[Any]]) -> str:
@@ -101,23 +100,16 @@ def heights_data(shares: NDArray[np.floating[Any]]) -> str:
     MissingDependency
         Without OpenCV.
     """
-    cv2 = _opencv()
+    cv2 = opencv(USER)
     height, width = shares.shape
     factor = PHOTO_SIDE / max(height, width)
     if factor < 1:
         size = max(1, round(width * factor)), max(1, round(height * factor))
         shares = cv2.resize(shares, size, interpolation=cv2.INTER_AREA)
     grey = np.round(255 * np.clip(shares, 0, 1)).astype(np.uint8)
-    done, content = cv2.imencode(".jpg", cv2.applyColorMap(grey, cv2.COLORMAP_VIRIDIS), (cv2.IMWRITE_JPEG_QUALITY, 90))
-    if not done:
-        raise InvalidImage(f"heights: OpenCV cannot make a JPEG of shape {shares.shape}")
-    return "data:image/jpeg;base64," + base64.b64encode(content.tobytes()).decode("ascii")
+    return _data(cv2.applyColorMap(grey, cv2.COLORMAP_VIRIDIS)[:, :, ::-1], 90)
 
 
-def _opencv() -> ModuleType:
-    try:
-        import cv2
-    except ImportError:
-        raise MissingDependency.for_extra("the report", ["opencv-python-headless"], "perception") from None
-    module: ModuleType = cv2
-    return module
+def _data(photo: NDArray[np.uint8], quality: int) -> str:
+    content = encode_photo(photo, ".jpg", USER, quality)
+    return "data:image/jpeg;base64," + base64.b64encode(content).decode("ascii")

@@ -84,9 +84,19 @@ def planning_backend() -> str:
 
 @cache
 def _class(kind: str, module: str) -> Any:
-    if module in _modules(kind):
-        return getattr(importlib.import_module(f"{PACKAGES[kind]}.{module}"), kind)
-    return _outside(kind)[module].load()
+    place = f"{PACKAGES[kind]}.{module}" if module in _modules(kind) else _outside(kind)[module].value
+    try:
+        found = importlib.import_module(place) if module in _modules(kind) else _outside(kind)[module].load()
+    except PscoverError:
+        raise
+    except Exception as error:
+        # A plug-in is somebody's own code, which may raise anything.
+        raise PscoverError(f"{kind} {place}: cannot be imported: {type(error).__name__}: {error}") from error
+    if module not in _modules(kind):
+        return found
+    if not hasattr(found, kind):
+        raise PscoverError(f"{found.__file__}: expected a {kind}; name its class at the end of the file: {kind} = ...")
+    return getattr(found, kind)
 
 
 def lookup(kind: str, name: str) -> Any:

@@ -18,7 +18,7 @@ from scipy.sparse import csc_array
 
 from pscover import Instance, Progress, Refused, Status, UnknownName, solve, verify, widening
 from pscover.cli.app import app
-from pscover.cli.label_png import encode_labels
+from pscover.encoding import encode_labels
 from pscover.generate.garments import garments
 from pscover.grasping import relaxation
 from pscover.grasping.all_poses import AllPoses, all_poses

@@ -95,7 +95,7 @@ def test_the_program_ends_with_one_where_something_got_worse(tmp_path: Path) -> 
 
 
 def test_measures_of_a_trace() -> None:
-    sys.path.insert(0, str(SCRIPT.parents[1]))
+    sys.path.append(str(SCRIPT.parents[1]))
     from bench.peers.measures import at, first_within, primal_integral
 
     trace = [(1.0, None, 5.0), (2.0, 20.0, 5.0), (6.0, 10.0, 8.0)]

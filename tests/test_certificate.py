@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from fractions import Fraction
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -183,6 +184,34 @@ def test_what_is_no_certificate_is_refused(certificate: Certificate, where: str)
         certified_bound(GOOD, certificate)
     result = replace(pscover.solve(GOOD, backend="greedy"), certificate=certificate)
     assert [c.what for c in verify(GOOD, result).checks if c.verdict is Verdict.FAILED] == ["bound"]
+
+
+def made(units: object = 10, proof: object = ZERO) -> Any:
+    return Certificate(units=cast(Any, units), scale=1, proof=cast(Any, proof))
+
+
+@pytest.mark.parametrize(
+    "certificate",
+    [
+        7,
+        made(units="10"),
+        made(units=object()),
+        made(proof=None),
+        made(proof=Prices(entry=cast(Any, "abc"), unit=ZERO.unit)),
+        made(proof=Prices(entry=cast(Any, None), unit=ZERO.unit)),
+        made(proof=Split(element=cast(Any, "0"), count=1, few=ZERO, many=ZERO)),
+        made(proof=Split(element=0, count=cast(Any, 1.5), few=ZERO, many=ZERO)),
+        made(proof=Split(element=0, count=1, few=ZERO, many=cast(Any, []))),
+    ],
+    ids=lambda certificate: type(getattr(certificate, "proof", 0)).__name__,
+)
+def test_certificates_made_by_hand_of_wrong_types_are_refused(certificate: Any) -> None:
+    with pytest.raises(InvalidResult, match=r"^certificate: "):
+        certified_bound(GOOD, certificate)
+    result = replace(pscover.solve(GOOD, backend="greedy"), certificate=certificate)
+    assert [c.what for c in verify(GOOD, result).checks if c.verdict is Verdict.FAILED] == ["bound"]
+    with pytest.raises(InvalidResult):
+        encode(result)
 
 
 def test_a_certificate_survives_its_file() -> None:

@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 from pscover import Instance
 from pscover.cli.app import app
 from pscover.cli.fail import Exit
-from pscover.cli.label_png import encode_labels
+from pscover.encoding import encode_labels
 from pscover.errors import InvalidImage
 from pscover.generate.garments import garments
 from pscover.generate.psc import psc_on_incidence, random_psc

@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 
 from pscover.cli.app import app
 from pscover.cli.fail import Exit
-from pscover.cli.label_png import encode_labels
+from pscover.encoding import encode_labels
 from pscover.io import load_instance
 
 cv2 = pytest.importorskip("cv2")

@@ -156,6 +156,28 @@ def test_ctrl_c_before_there_is_a_plan(tmp_path: Path) -> None:
 
 
 @posix
+@pytest.mark.parametrize(
+    "module", ["click", "pscover.cli.app", "pscover.cli.fail", "pscover.cli.info", "pscover.io", "scipy.sparse"]
+)
+def test_ctrl_c_while_modules_are_loaded(small: Path, module: str) -> None:
+    code = (
+        "import os, signal, sys\n"
+        "class Interrupting:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        f"        if name == {module!r}:\n"
+        "            sys.meta_path.remove(self)\n"
+        "            os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Interrupting())\n"
+        "from pscover.cli import main\n"
+        f"main(['info', {str(small)!r}])"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment())
+    assert ended.returncode == Exit.INTERRUPTED
+    assert ended.stderr == "pscover: interrupted before there was anything to show\n"
+    assert ended.stdout == ""
+
+
+@posix
 @pytest.mark.parametrize("command", [["info"], ["info", "--json"], ["solve", "-b", "greedy"], ["compare", "-b", "greedy"]])
 def test_a_reader_that_went_away(small: Path, command: list[str]) -> None:
     reading, writing = os.pipe()

@@ -61,8 +61,21 @@ def test_version() -> None:
     assert shown.output.strip() == f"pscover, version {pscover.__version__}"
 
 
-def test_help_imports_no_engine_and_no_tables() -> None:
-    heavy = {"rich", "highspy", "cv2", "matplotlib", "cvxpy", "pyomo", "ortools", "pyscipopt", "torch", "shapely"}
+def test_help_imports_no_numbers_no_engine_and_no_tables() -> None:
+    heavy = {
+        "numpy",
+        "scipy",
+        "rich",
+        "highspy",
+        "cv2",
+        "matplotlib",
+        "cvxpy",
+        "pyomo",
+        "ortools",
+        "pyscipopt",
+        "torch",
+        "shapely",
+    }
     code = (
         "import sys\nfrom pscover.cli import main\n"
         "try:\n    main(['--help'])\nexcept SystemExit as end:\n    assert end.code == 0\n"

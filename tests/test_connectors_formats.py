@@ -20,12 +20,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pscover import InvalidImage, UnknownName
+from pscover.encoding import encode_labels
 from pscover.images import read_labels
 from pscover.perception.annotations import Annotations, read_annotations, write_annotations
 from pscover.perception.connectors._collect import Collector
 from pscover.perception.connectors._outlines import disc, filled
 from pscover.perception.connectors._rle import counts_of
-from pscover.perception.connectors.label_png import encode_labels, masks_of_labels, painted, write_labels
+from pscover.perception.connectors.label_png import masks_of_labels, painted, write_labels
 from pscover.perception.connectors.sam_records import masks_of_records
 from pscover.perception.connectors.supervision import masks_of_detections
 from pscover.perception.mask import Mask

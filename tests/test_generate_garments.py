@@ -87,6 +87,10 @@ def test_outlines_have_the_area_asked_for() -> None:
     [
         ({"count": -1}, "count: expected a whole number"),
         ({"count": 3, "size": (0, 5)}, "size"),
+        (
+            {"count": 3, "size": (282, 1_000_000)},
+            "at most 67108864 pixels, got height 282 x width 1000000 = 282000000; choose",
+        ),
         ({"count": 3, "layout": "heaped"}, "layout: expected 'apart' or 'piled', got 'heaped'"),
         ({"count": 3, "groups": (4,)}, "sum to at most 3"),
         ({"count": 3, "groups": (1,)}, "at least 2"),

@@ -122,7 +122,7 @@ def test_a_start_with_idle_candidates_is_kept() -> None:
     instance = Instance.of(p, part.required, 1.0, [list(clique) for clique in part.conflicts])
     good = pscover.solve(instance, backend="greedy").chosen
     assert good is not None
-    _, session = opened(instance, 0.5, (*good.tolist(), 900))
+    _, session = opened(instance, 20.0, (*good.tolist(), 900))
     assert session.objective <= len(good)
 
 

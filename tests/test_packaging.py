@@ -48,7 +48,7 @@ def test_importing_pscover_loads_no_engine_and_no_graphics() -> None:
         "rich",
         "torch",
     )
-    code = f"import sys, pscover; print([m for m in {heavy!r} if m in sys.modules])"
+    code = f"import sys; from pscover import *; print([m for m in {heavy!r} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
+import sys
+from pathlib import Path
+
 import pytest
 
-from pscover import InvalidSettings, MissingDependency, UnknownName, registry
+from pscover import InvalidSettings, MissingDependency, PscoverError, UnknownName, registry
 
 
 def test_all_names() -> None:
@@ -34,6 +38,37 @@ def test_text_becomes_a_list() -> None:
     for wrong in ("[1,", "1,2", '["a"]'):
         with pytest.raises(InvalidSettings, match=r"formulation 'budgeted': .*weights"):
             registry.make("formulation", "budgeted", {"weights": wrong})
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (
+            "class Cardinality: ...",
+            r"own_one\.py: expected a formulation; name its class at the end of the file: formulation = ",
+        ),
+        (
+            "import nowhere",
+            r"formulation pscover\.formulations\.own_one: cannot be imported: ModuleNotFoundError: No module",
+        ),
+        ("def", r"formulation pscover\.formulations\.own_one: cannot be imported: SyntaxError"),
+    ],
+)
+def test_a_file_that_holds_no_formulation(content: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "own_one.py").write_text(content)
+    package = importlib.import_module("pscover.formulations")
+    monkeypatch.setattr(package, "__path__", [*package.__path__, str(tmp_path)])
+    monkeypatch.delitem(sys.modules, "pscover.formulations.own_one", raising=False)
+    cached = (registry._modules, registry._class)
+    for function in cached:
+        function.cache_clear()
+    try:
+        with pytest.raises(PscoverError, match=words):
+            registry.lookup("formulation", "own-one")
+    finally:
+        for function in cached:
+            function.cache_clear()
+        sys.modules.pop("pscover.formulations.own_one", None)
 
 
 def test_a_missing_package_without_an_extra_is_named_itself() -> None:

@@ -17,8 +17,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     arguments
         Without the program's name; those of the process by default.
     """
-    from pscover.cli.fail import leave_interrupted
-
+    # Ctrl-C may come while these modules are loaded.
     try:
         from pscover.cli.app import app
         from pscover.cli.output import make_printable
@@ -26,4 +25,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         make_printable()
         app.main(arguments, prog_name="pscover")
     except KeyboardInterrupt:
+        from pscover.cli.fail import leave_interrupted
+
         sys.exit(leave_interrupted())

@@ -7,8 +7,9 @@ from pathlib import Path
 import click
 
 from pscover.cli.bench_table2 import checked_engines, draw
-from pscover.cli.fail import Exit, say
+from pscover.cli.fail import Exit
 from pscover.cli.options import json_option, names, quiet_option, whole_numbers
+from pscover.cli.output import wrote_into
 from pscover.cli.sweeping import checked_limit, output_option, print_tables, swept, write_tables
 from pscover.cli.workers import worker_options, workers
 
@@ -76,5 +77,5 @@ def command(
     print_tables(tables, as_json=as_json)
     written = [*write_tables(tables, output), *draw(found, {}, limit, output / FIGURE, quiet=quiet)]
     if not quiet:
-        say(f"wrote {', '.join(path.name for path in written)} into {output}")
+        wrote_into(output, written)
     return Exit.VERIFIED

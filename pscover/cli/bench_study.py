@@ -6,8 +6,9 @@ from pathlib import Path
 
 import click
 
-from pscover.cli.fail import Exit, say
+from pscover.cli.fail import Exit
 from pscover.cli.options import FILE, json_option, names, quiet_option
+from pscover.cli.output import wrote_into
 from pscover.cli.sweeping import checked_limit, output_option, pictured, print_tables, swept
 from pscover.cli.workers import worker_options, workers
 
@@ -83,5 +84,5 @@ def command(
     print_tables(made, as_json=as_json)
     written = [*write_study(study, output, made), *pictured(lambda: draw(study, output), quiet=quiet)]
     if not quiet:
-        say(f"wrote {', '.join(path.name for path in written)} into {output}")
+        wrote_into(output, written)
     return Exit.VERIFIED

@@ -50,8 +50,8 @@ def garments_command(
 ) -> Exit:
     """Make a random scene of garments.
 
-    A .png holds the labels of the garments, 16 bits a pixel, 0 for the surface; .json and .npz hold the instance of its
-    candidate grasps. --photo paints what lies there: coloured cloth with folds on a grey table, for perception to find.
+    A .png holds the labels of the garments, 0 for the surface; .json and .npz hold the instance of its candidate grasps.
+    --photo paints what lies there: coloured cloth with folds on a grey table, for perception to find.
 
     \b
     Examples:
@@ -61,8 +61,8 @@ def garments_command(
     from dataclasses import replace
     from typing import cast
 
-    from pscover.cli.label_png import encode_labels
     from pscover.cli.output import require_distinct, require_writable, wrote
+    from pscover.encoding import encode_labels, encode_photo
     from pscover.files import write_bytes
     from pscover.generate.garments import Layout, garments
 
@@ -84,9 +84,9 @@ def garments_command(
     if not quiet:
         wrote(output, what)
     if photo is not None:
-        from pscover.generate.paint import encoded, paint
+        from pscover.generate.paint import paint
 
-        write_bytes(photo, encoded(paint(scene, seed), photo.suffix.lower()))
+        write_bytes(photo, encode_photo(paint(scene, seed), photo.suffix.lower(), "a painted photo"))
         if not quiet:
             wrote(photo, "the photo")
     return Exit.VERIFIED

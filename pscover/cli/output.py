@@ -141,3 +141,8 @@ def require_distinct(*paths: Path | None) -> None:
 def wrote(path: Path, what: str) -> None:
     """Say on standard error where something went."""
     say(f"wrote {what} to {path}")
+
+
+def wrote_into(folder: Path, paths: Iterable[Path]) -> None:
+    """Say on standard error which files went into a folder."""
+    say(f"wrote {', '.join(path.name for path in paths)} into {folder}")

@@ -14,6 +14,7 @@ import click
 from pscover.cli.fail import Exit, say
 from pscover.cli.live import advancing
 from pscover.cli.options import FILE, json_option, known, names, parameter_option, quiet_option
+from pscover.cli.output import wrote_into
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -161,7 +162,7 @@ def command(
         for row in table:
             if row.stand_ins:
                 say(f"note: {row.policy} failed or saw nothing to do in {row.stand_ins:.1f} trips an episode: random grasps")
-        say(f"wrote {', '.join(path.name for path in written)} into {output}")
+        wrote_into(output, written)
     return Exit.VERIFIED
 
 

@@ -13,6 +13,7 @@ from scipy.signal import oaconvolve
 
 from pscover.errors import InvalidSettings
 from pscover.generate.outlines import Mask, Outline
+from pscover.image_parts import PIXEL_LIMIT
 from pscover.scene import Scene
 
 Layout = Literal["apart", "piled"]
@@ -106,6 +107,11 @@ def _check(count: int, size: tuple[int, int], layout: str, groups: Sequence[int]
         raise InvalidSettings(f"count: expected a whole number of at least 0, got {count!r}")
     if len(size) != 2 or min(size) < 1:
         raise InvalidSettings(f"size: expected (height, width) in pixels, got {size!r}")
+    if size[0] * size[1] > PIXEL_LIMIT:
+        raise InvalidSettings(
+            f"size: expected at most {PIXEL_LIMIT} pixels, got height {size[0]} x width {size[1]} = {size[0] * size[1]}; "
+            "choose a smaller height or width"
+        )
     if layout not in ("apart", "piled"):
         raise InvalidSettings(f"layout: expected 'apart' or 'piled', got {layout!r}")
     if groups and (layout != "apart" or min(groups) < 2 or sum(groups) > count):

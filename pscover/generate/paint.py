@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, find_objects, gaussian_filter
 
-from pscover.errors import InvalidImage, InvalidSettings
-from pscover.perception.colour import opencv
+from pscover.errors import InvalidSettings
 from pscover.scene import Scene
 
 FloatImage = NDArray[np.float64]
@@ -62,27 +61,6 @@ def paint(scene: Scene, seed: int = 0) -> NDArray[np.uint8]:
     light = 1 + 0.08 * (np.arange(width)[None] / width - 0.5) + 0.06 * (np.arange(height)[:, None] / height - 0.5)
     lit = flat * (light * _shade(scene, random))[..., None] + random.normal(0, NOISE, (height, width, 3))
     return np.clip(np.rint(255 * lit), 0, 255).astype(np.uint8)
-
-
-def encoded(photo: NDArray[np.uint8], suffix: str) -> bytes:
-    """The content of an image file.
-
-    Parameters
-    ----------
-    photo
-        RGB, shape (H, W, 3).
-    suffix
-        ".png", ".jpg" or ".jpeg".
-
-    Raises
-    ------
-    MissingDependency
-        Without OpenCV.
-    """
-    done, content = opencv("a painted photo").imencode(suffix, np.ascontiguousarray(photo[:, :, ::-1]))
-    if not done:
-        raise InvalidImage(f"photo: OpenCV cannot make a {suffix} of shape {photo.shape}")
-    return bytes(content.tobytes())
 
 
 def _colour(random: np.random.Generator) -> tuple[float, float, float]:

@@ -238,7 +238,7 @@ def encode(result: Result) -> bytes:
         msgspec.json.decode(text, type=ResultV1)
     except UnicodeEncodeError as error:
         raise InvalidResult(f"expected text in Unicode, got {error.object!r}") from None
-    except msgspec.ValidationError as error:
+    except (msgspec.ValidationError, TypeError, OverflowError) as error:
         raise InvalidResult(f"this result cannot be kept in a file: {error}") from None
     return msgspec.json.format(text, indent=1) + b"\n"
 
@@ -310,12 +310,16 @@ def _proof(given: PricesV1 | SplitV1, source: str | Path, depth: int) -> Prices 
 
 
 def _certified(certificate: Certificate) -> dict[str, Any]:
+    if not isinstance(certificate, Certificate):
+        raise InvalidResult(f"certificate: expected a Certificate, got {type(certificate).__name__}")
     return {"units": certificate.units, "scale": certificate.scale, "proof": _proven(certificate.proof)}
 
 
 def _proven(proof: Prices | Split) -> dict[str, Any]:
     if isinstance(proof, Prices):
-        return {"type": "prices", "entry": proof.entry.tolist(), "unit": proof.unit.tolist()}
+        return {"type": "prices", "entry": np.asarray(proof.entry).tolist(), "unit": np.asarray(proof.unit).tolist()}
+    if not isinstance(proof, Split):
+        raise InvalidResult(f"certificate: proof: expected Prices or a Split, got {type(proof).__name__}")
     parts = {"few": _proven(proof.few), "many": _proven(proof.many)}
     return {"type": "split", "element": proof.element, "count": proof.count, **parts}
 

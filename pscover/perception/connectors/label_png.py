@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from pscover.errors import InvalidImage, MissingDependency
+from pscover.encoding import MOST_LABEL, encode_labels
+from pscover.errors import InvalidImage
 from pscover.files import write_bytes
 from pscover.images import PNG_SIGNATURE, read_labels
 from pscover.perception.connectors._collect import MASK_LIMIT, Collector, agreed, trimmed
 from pscover.perception.connectors.contract import AnnotationFormat, Annotations, Request
 
-LABEL_LIMIT = 2**16 - 1
 TABLE_LIMIT = 2**24
 
 
@@ -49,7 +49,7 @@ def masks_of_labels(labels: NDArray[np.integer], source: str, shape: tuple[int, 
     if lowest < 0:
         y, x = np.argwhere(labels == lowest)[0]
         raise InvalidImage(f"{source}: pixel x={x}, y={y}: expected a label from 0, got {lowest}")
-    if highest > LABEL_LIMIT:
+    if highest > MOST_LABEL:
         labels = _renumbered(labels, highest, source).reshape(size)
     collector = Collector(source)
     windows = ndimage.find_objects(labels.astype(np.int32))
@@ -88,40 +88,13 @@ def painted(annotations: Annotations) -> NDArray[np.int32]:
     return labels
 
 
-def encode_labels(labels: ArrayLike) -> bytes:
-    """A label map as a PNG, of 8 bits if no label is above 255, else of 16.
-
-    Raises
-    ------
-    InvalidImage
-        If the labels are not whole numbers from 0 to 65535 of shape (H, W).
-    MissingDependency
-        Without OpenCV.
-    """
-    given = np.asarray(labels)
-    if given.ndim != 2 or given.size == 0 or given.dtype.kind not in "biu":
-        raise InvalidImage(f"labels: expected whole numbers of shape (H, W), got {given.dtype} of shape {given.shape}")
-    lowest, highest = int(given.min()), int(given.max())
-    if lowest < 0 or highest > LABEL_LIMIT:
-        wrong = lowest if lowest < 0 else highest
-        raise InvalidImage(f"labels: expected numbers from 0 to {LABEL_LIMIT}, which a PNG holds, got {wrong}")
-    try:
-        import cv2
-    except ImportError:
-        raise MissingDependency.for_extra("writing label images", ["opencv-python-headless"], "perception") from None
-    done, content = cv2.imencode(".png", given.astype(np.uint8 if highest < 256 else np.uint16))
-    if not done:
-        raise InvalidImage(f"labels: OpenCV cannot make a PNG of shape {given.shape}")
-    return bytes(content)
-
-
 def write_labels(labels: ArrayLike, path: str | Path) -> None:
     """Write a label map as a PNG, whole or not at all; `pscover.images.read_labels` reads the same labels back.
 
     Raises
     ------
-    InvalidImage, MissingDependency
-        As `encode_labels`.
+    InvalidImage
+        If they are anything but whole numbers from 0 to 65535 of shape (H, W).
     PscoverError
         If the file cannot be written.
     """
