@@ -66,6 +66,19 @@ def test_rows_one_by_one_bound_more_than_multipliers() -> None:
     assert better >= 5
 
 
+def test_shares_are_never_negative() -> None:
+    random = np.random.default_rng(5)
+    for seed in range(20):
+        instance = random_psc(12, 60, covers=3, cheapest=1, dearest=100, low=0.3, seed=seed)
+        problem, _ = problem_of(as_cover(registry.formulation("clique").build(instance)))
+        for _ in range(20):
+            # So dear that costs are shared out to the last digit, and rows that pay nothing.
+            y = np.where(random.random(problem.rows) < 0.5, 0.0, random.uniform(0.0, 80.0, problem.rows))
+            prices = shares(problem, y)
+            assert (prices.share >= 0.0).all()
+            assert np.bincount(prices.candidate, prices.share) == pytest.approx(problem.cost)
+
+
 def test_tolls_keep_what_multipliers_prove() -> None:
     dearer = 0
     for seed in range(30):

@@ -47,7 +47,7 @@ SHORT, SHORTLY = 0.15, 0.5
 """That part of the time, and no more than so many seconds."""
 HEAVY = 8e-6
 """Seconds an entry that presolve and what is built on it take."""
-ROOM = 3.0
+ROOM = 1.5
 """What follows is worth it where that many times its seconds are left."""
 
 

@@ -70,7 +70,8 @@ def shares(problem: Problem, y: FloatArray) -> Shares:
     total = np.bincount(candidate, pays, n)
     covers = np.bincount(candidate, minlength=n).astype(np.int32)
     factor = np.minimum(1.0, problem.cost / np.maximum(total, 1e-300))
-    rest = (problem.cost - total * factor) / np.maximum(covers, 1)
+    # Never negative, not even by rounding: prices fall with a row's need, or its choice cannot be traced back.
+    rest = np.maximum(problem.cost - total * factor, 0.0) / np.maximum(covers, 1)
     share = pays * factor[candidate] + rest[candidate]
     fresh = np.ones(entries, dtype=np.int64)
     fresh[1:] = (np.diff(home) != 0) | (np.diff(row) != 0)
