@@ -16,7 +16,7 @@ from pscover.evidence.machine import this_machine
 sys.path.append(str(Path(__file__).parents[1]))
 SHARED = Path(__file__).parents[2] / "shared"
 # Programs of their own, not benchmark cases.
-collect_ignore_glob = ["fuzz_*.py", "*_table.py", "compare.py", "peers/*"]
+collect_ignore_glob = ["fuzz_*.py", "*_table.py", "mujoco_*.py", "compare.py", "peers/*"]
 
 _tables: dict[str, list[dict[str, Any]]] = {}
 Row = Callable[..., None]
