@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 BUSHY, PLAIN = 12_000, 600
 """Most entries for which branch and bound of our own is tried, where several must work together and where they are full."""
-PROMISING = 0.1
-"""The part of the candidates that prices leave out at least where branch and bound of our own is likely to finish."""
+FEW, PROMISING = 30, 0.1
+"""Branch and bound of our own is likely to finish if there are no more rows than this, or prices leave out such a part."""
 TURN = 12_800
 """Entries that a turn of it looks at: a few milliseconds."""
 SWIFT = 25
@@ -171,7 +171,9 @@ class Block:
 
     @property
     def is_promising(self) -> bool:
-        """Whether prices leave out so many candidates that branch and bound may come to an end."""
+        """Whether rows are so few, or prices leave out so many candidates, that branch and bound may come to an end."""
+        if self.problem.rows <= FEW:
+            return True
         return self.shares is not None and math.isfinite(self.cost) and float(self._hopeless().mean()) >= PROMISING
 
     @property
