@@ -14,11 +14,11 @@ from typing import Any
 import pytest
 
 from bench.peers import families, pages
+from bench.peers.contestants import absent
 from bench.peers.families import Case
 from bench.peers.measures import at, primal_integral
 from bench.peers.runner import Contestant, measure
 from bench.peers.store import RESULTS, Store, sweep
-from pscover import registry
 from pscover.generate.garments import garments
 from pscover.grasping.candidates import candidates
 from pscover.grasping.sampling import Sampling
@@ -35,8 +35,9 @@ def tiny() -> Case:
 
 @pytest.mark.parametrize("name", ["auto", *pages.EXACT])
 def bench_piles(benchmark: Any, row: Any, tmp_path: Path, name: str) -> None:
-    if registry.missing(registry.lookup("backend", name)):
-        pytest.skip(f"{name} is not installed")
+    package = absent(name)
+    if package is not None:
+        pytest.skip(f"{package} is not installed")
     if benchmark.enabled:
         cases, store = families.piles(), Store(RESULTS / "piles.json")
         contestants = [one for one in (*OURS, *PEERS) if one.engine == name]

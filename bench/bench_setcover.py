@@ -8,33 +8,26 @@ contestants and instances: `python bench/peers/contest.py covers --help`.
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from bench.peers import families, pages
+from bench.peers.contestants import absent
 from bench.peers.runner import Contestant, measure
 from bench.peers.store import RESULTS, Store, sweep
 from pscover.generate.psc import random_psc
 from pscover.instance import Instance
 
-NEEDS = {
-    "auto": "numba",
-    "cft": "pycft",
-    "ortools_cover": "ortools",
-    "highs": "highspy",
-    "scip": "pyscipopt",
-    "cpsat": "ortools",
-}
 LIMIT = {"covers": 60.0, "probabilistic": 60.0}
 WHO = {"covers": ("auto", *pages.HEURISTICS, "highs"), "probabilistic": ("auto", *pages.EXACT)}
 
 
 def _skip_without(name: str) -> None:
-    if importlib.util.find_spec(NEEDS[name]) is None:
-        pytest.skip(f"{NEEDS[name]} is not installed")
+    package = absent(name)
+    if package is not None:
+        pytest.skip(f"{package} is not installed")
 
 
 def tiny() -> Instance:
@@ -47,7 +40,7 @@ def tiny() -> Instance:
 def bench_heuristics_run(benchmark: Any, row: Any, name: str) -> None:
     """A peer of its own kind finds a cover, and says so in time."""
     _skip_without(name)
-    run = benchmark.pedantic(measure, ("tiny", tiny(), Contestant(engine=name, limit=0.1)), rounds=1)
+    run = benchmark.pedantic(measure, ("tiny", tiny(), Contestant(engine=name, limit=0.5)), rounds=1)
     assert run.objective is not None, run.status
     assert run.rejected == 0
     row("Covers, smoke", contestant=name, objective=run.objective, bound=run.bound, seconds=run.seconds)

@@ -7,9 +7,13 @@ no engine is told a limit on wall time: the runner ends its process when its CPU
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
 from collections.abc import Callable
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -120,6 +124,53 @@ def cpsat(instance: Any, seed: int, options: dict[str, Any], tell: Tell) -> Solv
     return solve
 
 
+def gurobi(instance: Any, seed: int, options: dict[str, Any], tell: Tell) -> Solve:
+    """Gurobi at its own tolerances; the licence that comes with it refuses more than 2 000 candidates or rows."""
+    import gurobipy
+
+    model = _model(instance, options)
+    if max(model.A.shape) > SIZE_LIMIT:
+        return lambda: f"refused: more than the {SIZE_LIMIT} candidates or rows of the free licence"
+    engine = gurobipy.Model(env=gurobipy.Env(params={"OutputFlag": 0, "Threads": 1, "Seed": seed, "MIPGap": 0.0}))
+    x = engine.addMVar(model.variables, obj=model.c, vtype="B")
+    for side, sense in ((model.lo, ">"), (model.hi, "<")):
+        rows = np.flatnonzero(np.isfinite(side))
+        if len(rows):
+            engine.addMConstr(model.A[rows], x, sense, side[rows])
+    event = gurobipy.GRB.Callback
+
+    def hear(engine: Any, where: int) -> None:
+        if where == event.MIPSOL:
+            tell(engine.cbGet(event.MIPSOL_OBJBND), _picks(engine.cbGetSolution(x)))
+        elif where == event.MIP:
+            tell(engine.cbGet(event.MIP_OBJBND), None)
+
+    def solve() -> str:
+        engine.optimize(hear)
+        tell(engine.ObjBound, _picks(x.X) if engine.SolCount else None)
+        return "optimal" if engine.Status == gurobipy.GRB.OPTIMAL else f"status {engine.Status}"
+
+    return solve
+
+
+SIZE_LIMIT = 2000
+
+
+def setcoverpy(instance: Any, seed: int, options: dict[str, Any], tell: Tell) -> Solve:
+    """SetCoverPy, Lagrangian relaxation and greedy: it stops by its own rule, and tells its plan at its end only."""
+    setcover = import_module("SetCoverPy.setcover")
+    np.random.seed(seed)
+    problem = setcover.SetCover(instance.probability.toarray() > 0, instance.cost)
+
+    def solve() -> str:
+        with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere), np.errstate(all="ignore"):
+            problem.SolveSCP()
+        tell(-math.inf, np.flatnonzero(problem.s))
+        return "returned"
+
+    return solve
+
+
 def cft(instance: Any, seed: int, options: dict[str, Any], tell: Tell) -> Solve:
     """The heuristic of Caprara, Fischetti and Toth by way of pycft: it tells its plan at its end only."""
     _bindings = import_module("pycft._bindings")
@@ -182,9 +233,21 @@ def auto(instance: Any, seed: int, options: dict[str, Any], tell: Tell) -> Solve
 
 LOAD: dict[str, Callable[[Any, int, dict[str, Any], Tell], Solve]] = {
     "highs": highs, "scip": scip, "cpsat": cpsat, "cft": cft, "ortools_cover": ortools_cover, "auto": auto,
+    "gurobi": gurobi, "setcoverpy": setcoverpy,
 }  # fmt: skip
 
 PACKAGES = {
     "highs": ("highspy",), "scip": ("PySCIPOpt",), "cpsat": ("ortools",), "cft": ("pycft",),
-    "ortools_cover": ("ortools",), "auto": ("pscover", "highspy", "numba"),
+    "ortools_cover": ("ortools",), "auto": ("pscover", "highspy", "numba"), "gurobi": ("gurobipy",),
+    "setcoverpy": ("SetCoverPy",),
 }  # fmt: skip
+
+
+def absent(contestant: str) -> str | None:
+    """The first package that a contestant needs and that is not installed, or None."""
+    for package in PACKAGES[contestant]:
+        try:
+            version(package)
+        except PackageNotFoundError:
+            return package
+    return None

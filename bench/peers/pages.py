@@ -15,8 +15,8 @@ from bench.peers.store import Store
 
 Runs = dict[tuple[str, str, float], dict[str, Any]]
 OURS = (0.5, 2.0, 10.0)
-EXACT = ("highs", "scip", "cpsat")
-HEURISTICS = ("cft", "ortools_cover")
+EXACT = ("highs", "scip", "cpsat", "gurobi")
+HEURISTICS = ("cft", "ortools_cover", "setcoverpy")
 
 
 def runs_of(store: Store) -> Runs:
