@@ -96,6 +96,43 @@ def test_tolls_keep_what_multipliers_prove() -> None:
     assert dearer >= 10
 
 
+def test_branch_and_bound_after_tolls_loses_no_plan() -> None:
+    tolled_ones = 0
+    for seed in range(30):
+        instance = random_psc(4, 15, covers=2, clique_size=3, required=0.9, cheapest=2, dearest=3, seed=seed)
+        best, plan = enumerate_best(instance, Cover())
+        if best is None:
+            continue
+        form = as_cover(registry.formulation("clique").build(instance))
+        block = Block(form, np.arange(15, dtype=np.int32), 0, 1.0)
+        taken = np.concatenate([np.array(plan), *(clique for clique in instance.conflicts if np.isin(clique, plan).any())])
+        spare = np.setdiff1d(np.arange(15), taken)[:1]
+        block.offer(np.union1d(plan, spare).astype(np.int32))
+        while not block.is_settled and block.is_open:
+            block.bind()
+            assert block.bound <= best[0] + 1e-7
+            if block.shares is None or not block.is_open:
+                continue
+            paid = np.bincount(block.shares.candidate, block.shares.share, block.problem.candidates)
+            if (paid <= block.problem.cost * (1 + 1e-9)).all():
+                continue
+            tolled_ones += 1
+            if block.cost > best[0] + 0.5:
+                assert not block._hopeless()[np.isin(block.kept, plan)].any()
+            explored(block)
+            assert block.cost == pytest.approx(best[0])
+    assert tolled_ones >= 5
+
+
+def explored(block: Block) -> None:
+    """A block to the end of branch and bound, whose prices never add up to more than candidates cost."""
+    while block.is_open:
+        block.explore()
+        assert block.shares is not None
+        paid = np.bincount(block.shares.candidate, block.shares.share, block.problem.candidates)
+        assert block.sweep is None or (paid <= block.problem.cost * (1 + 1e-9)).all()
+
+
 def test_merged_rows_bound_plans() -> None:
     risen = 0
     for instance, problem, columns, best in cases():

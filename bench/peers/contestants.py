@@ -124,8 +124,12 @@ def cpsat(instance: Any, seed: int, options: dict[str, Any], tell: Tell) -> Solv
     return solve
 
 
+SIZE_LIMIT = 2000
+"""Candidates or rows that Gurobi takes with the licence that comes with it."""
+
+
 def gurobi(instance: Any, seed: int, options: dict[str, Any], tell: Tell) -> Solve:
-    """Gurobi at its own tolerances; the licence that comes with it refuses more than 2 000 candidates or rows."""
+    """Gurobi at its own tolerances, as far as its free licence goes."""
     import gurobipy
 
     model = _model(instance, options)
@@ -151,9 +155,6 @@ def gurobi(instance: Any, seed: int, options: dict[str, Any], tell: Tell) -> Sol
         return "optimal" if engine.Status == gurobipy.GRB.OPTIMAL else f"status {engine.Status}"
 
     return solve
-
-
-SIZE_LIMIT = 2000
 
 
 def setcoverpy(instance: Any, seed: int, options: dict[str, Any], tell: Tell) -> Solve:

@@ -96,6 +96,7 @@ class Block:
         self.multipliers: Multipliers | None = None
         self.shares: Shares | None = None
         self._toll = np.zeros(self.problem.candidates)
+        self._tolled, self._extra = self.problem, 0.0
         self.merging: Merging | None = None
         self._merges = 0
         self.has_core = False
@@ -186,7 +187,7 @@ class Block:
         """A turn: a short search, prices of rows, a sweep if that is possible, else a tree; whether it helped."""
         if self.hunt is None:
             return self._search_briefly()
-        if self.shares is None:
+        if self.shares is None or self._extra > 0.0:
             return self._price()
         if self.sweep is None and self.branching is None and self.problem.is_split:
             # Without a plan, there are no targets to rise: all partial plans go on.
@@ -204,7 +205,9 @@ class Block:
             self.multipliers = subgradient.multipliers(self.problem)
         goal = self.cost if math.isfinite(self.cost) else float(self.problem.cost.sum())
         subgradient.ascend(self.problem, self.multipliers, ROUGH, goal)
-        self.shares = rowwise.shares(self.problem, self.multipliers.kept)
+        # Without tolls: branch and bound adds up what candidates cost.
+        self._share_out(np.zeros(self.problem.candidates))
+        assert self.shares is not None
         enough = worth(goal, self.step)
         bound = float(rowwise.improve(self.problem, self.shares, ROOT, enough + 1e-6 * max(1.0, abs(enough))))
         if math.isinf(bound) and bound > 0:
@@ -214,7 +217,8 @@ class Block:
     def _hopeless(self) -> NDArray[np.bool_]:
         """Candidates that no better plan has, by the prices of rows."""
         assert self.shares is not None
-        most: NDArray[np.bool_] = float(self.shares.value[0]) + self.shares.penalty > worth(self.cost, self.step) + 1e-7
+        bound = float(self.shares.value[0]) - self._extra
+        most: NDArray[np.bool_] = bound + self.shares.penalty > worth(self.cost, self.step) + 1e-7
         return most
 
     def _branch(self) -> bool:
@@ -316,7 +320,7 @@ class Block:
 
     def _tighten(self) -> bool:
         """A few steps on the shares of the rows; whether the bound rose."""
-        from .rowwise import LENGTH, improve, shares, tolled, tolls
+        from .rowwise import LENGTH, improve, tolls
 
         assert self.multipliers is not None
         entries = len(self.problem.lines)
@@ -324,22 +328,29 @@ class Block:
             if not self.is_fractional or entries > LONGEST or not math.isfinite(self.cost):
                 self._has_tightened = True
                 return False
-            self._toll = tolls(self.problem, self.multipliers.kept)
-            self.shares = shares(tolled(self.problem, self._toll)[0], self.multipliers.kept)
-        problem, extra = tolled(self.problem, self._toll)
-        state, goal = self.shares, self.cost + extra
+            self._share_out(tolls(self.problem, self.multipliers.kept))
+            assert self.shares is not None
+        extra, state, goal = self._extra, self.shares, self.cost + self._extra
         before = float(state.value[0])
-        bound = float(improve(problem, state, max(1, min(STEPS, WORK // (50 * entries + 1))), goal))
+        bound = float(improve(self._tolled, state, max(1, min(STEPS, WORK // (50 * entries + 1))), goal))
         if state.value[LENGTH] < SHORTEST or bound >= goal:
             self._has_tightened = True
         if self.step > 0 or self._has_tightened:
             self._leave_out(bound - extra + state.penalty > self.cost - self.step + 1e-6 * max(1.0, self.cost))
         return bound > before and self.prove(min(bound - extra, self.cost))
 
+    def _share_out(self, toll: NDArray[np.float64]) -> None:
+        """Begin with shares of costs and a toll, as multipliers have them."""
+        from .rowwise import shares, tolled
+
+        assert self.multipliers is not None
+        self._toll, (self._tolled, self._extra) = toll, tolled(self.problem, toll)
+        self.shares = shares(self._tolled, self.multipliers.kept)
+        self.merging, self._merges = None, 0
+
     def _merge(self) -> bool:
         """Go on merging rows: briefly once shares are about right, thoroughly once they are; whether the bound rose."""
         from .merging import BRIEF, LONG, Merging
-        from .rowwise import tolled
 
         if self.merging is None or self.merging.is_finished:
             assert self.shares is not None
@@ -347,7 +358,7 @@ class Block:
             self._merges = 1 + self._has_tightened
         if not self.merging.turn():
             return False
-        return self.prove(min(self.merging.bound - tolled(self.problem, self._toll)[1], self.cost))
+        return self.prove(min(self.merging.bound - self._extra, self.cost))
 
     def _shrink_by_multipliers(self) -> None:
         """Leave out what no better plan contains, by reduced costs; where many are left, look at favoured ones first."""
@@ -363,7 +374,7 @@ class Block:
 
     def _leave_out(self, gone: NDArray[np.bool_]) -> None:
         """Go on without some of the candidates kept, if they are many."""
-        from .rowwise import without
+        from .rowwise import tolled, without
         from .subgradient import carried
 
         if gone.sum() < 0.2 * len(gone) or self.multipliers is None:
@@ -378,6 +389,7 @@ class Block:
         self.problem, self.kept = problem_of(self.form)
         self.multipliers = carried(self.problem, self.multipliers)
         self.shares, self._toll = None if self.shares is None else without(self.shares, gone), self._toll[~gone]
+        self._tolled, self._extra = tolled(self.problem, self._toll)
         self._stall, self._has_tightened = 0, False
         self.merging, self._merges = None, 0
         self.hunt = self.branching = self.sweep = None
