@@ -152,3 +152,24 @@ def as_cover(model: Model) -> CoverForm:
     P = csr_array(scaled[np.flatnonzero(packing)])
     allowed[P.indices[P.data > 1 + 1e-12]] = False
     return CoverForm(c=model.c, W=W, P=P, allowed=allowed)
+
+
+def model_of(form: CoverForm) -> Model:
+    """A cover form as a model, all of whose variables may be 1.
+
+    Examples
+    --------
+    >>> W, P = csr_array([[0.5, 1.0, 0.5]]), csr_array([[1.0, 1.0, 0.0]])
+    >>> model_of(CoverForm(c=np.ones(3), W=W, P=P, allowed=np.ones(3, dtype=np.bool_))).hi.tolist()
+    [inf, 1.0]
+    """
+    covering, packing = form.W.shape[0], form.P.shape[0]
+    return Model(
+        c=form.c,
+        A=csr_array(vstack([form.W, form.P], format="csr")),
+        lo=np.concatenate([np.ones(covering), np.full(packing, -np.inf)]),
+        hi=np.concatenate([np.full(covering, np.inf), np.ones(packing)]),
+        ub=np.ones(len(form.c)),
+        integer=np.ones(len(form.c), dtype=np.bool_),
+        candidates=len(form.c),
+    )

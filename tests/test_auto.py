@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -12,13 +13,14 @@ from scipy.sparse import block_diag
 pytest.importorskip("numba")
 
 import pscover
-from pscover import Settings, Status, registry
+from pscover import EngineFailed, Settings, Status, isolate, registry
+from pscover.backend import Backend
 from pscover.backends._kernels import await_kernels, least_step
 from pscover.backends._session import Session
 from pscover.engine.warm import warming
 from pscover.generate.psc import random_psc
 from pscover.instance import Instance
-from pscover.result import Progress, Stop, ignore
+from pscover.result import Answer, Progress, Stop, ignore
 
 OURS = ("auto", "local-search", "lagrangian")
 
@@ -151,3 +153,24 @@ def test_least_step() -> None:
     assert least_step(np.array([4.0, 6.0, 10.0])) == 2
     assert least_step(np.array([0.5, 1.0])) == 0
     assert least_step(np.zeros(0)) == 0
+
+
+def test_the_plan_survives_an_engine_that_dies(monkeypatch: pytest.MonkeyPatch) -> None:
+    def died(*_: object) -> Answer:
+        raise EngineFailed("the process of backend 'highs' died")
+
+    monkeypatch.setattr(isolate, "run", died)
+    instance = random_psc(150, 700, covers=4, dearest=90, required=0.95, seed=1)
+    asked: list[str] = []
+    monkeypatch.setattr(registry, "backend", _noting(asked, registry.backend))
+    result = registry.backend("auto").solve(registry.formulation("clique").build(instance), Settings(time=3.0), ignore)
+    assert "highs" in asked
+    assert result.status is Status.FEASIBLE
+
+
+def _noting(asked: list[str], look_up: Callable[[str], Backend]) -> Callable[[str], Backend]:
+    def noted(name: str) -> Backend:
+        asked.append(name)
+        return look_up(name)
+
+    return noted

@@ -13,6 +13,7 @@ from scipy.sparse import csc_array
 
 from pscover import isolate
 from pscover.clock import Clock
+from pscover.errors import EngineFailed
 from pscover.model import CoverForm, Model
 from pscover.presolve import components
 from pscover.presolve.reduced import Outcome, Reduced
@@ -20,6 +21,7 @@ from pscover.result import Answer, Progress, Status
 
 from ._beside import Beside
 from ._kernels import PAUSE, await_kernels, certifying, feasible_start, least_step, plain_plan
+from ._neighbourhoods import Neighbourhoods
 from ._session import CLAIMED, Session
 
 if TYPE_CHECKING:
@@ -32,20 +34,22 @@ BURST = 0.02
 """Seconds of search of one block before the next has its turn."""
 BOUND = 0.06
 """Seconds of bounding after that, where the search has long found nothing."""
-RATE, SLOW = 2e5, 2e3
+RATE, SLOW = 2e5, 4e3
 """Entries that HiGHS takes in a second before it brings anything, where they are full and where several work together."""
 TREE = 0.6
 """The part of the time that branch and bound of our own may take on small blocks."""
-LAST = 0.5
-"""The part of what is left that it may take in the end."""
+LAST, LATE = 0.5, 0.1
+"""The part of what is left that it may take in the end, and where it does not promise much."""
 FOREST = 60.0
 """Seconds that it may take where there is no limit."""
 BRIEF = 6_400_000
 """Entries of a block that it looks at before it leaves the form to presolve, where it is tried at once."""
-HASTY = 200_000
+HASTY = 100_000
 """Entries of a block that it looks at where that does not promise much."""
-AT_ONCE = 0.25
-"""The part of the time that this may take."""
+AT_ONCE, HURRIED = 0.25, 0.04
+"""The part of the time that this may take, in the two cases."""
+PAUSED, EXCHANGED = 0.6, 1.0
+"""Seconds of search between two looks at parts of plans, longer where they bring nothing, and of these."""
 SHORTEST = 0.3
 """Seconds that must be left for branch and bound in a process of its own to be of use."""
 
@@ -107,14 +111,15 @@ class Course:
     def at_once(self) -> Answer | None:
         """The proven answer if branch and bound finds it after little work, else None."""
         session = self.session
-        end = session.seconds + AT_ONCE * session.left
+        began, left = session.seconds, session.left
         self._adopt_start()
         self._look_round()
         for block in self.blocks:
             while block.is_open and block.is_small and not session.over() and not session.is_proven():
                 if block.explore():
                     self._tell()
-                if block.work > (BRIEF if block.is_promising else HASTY) or session.seconds > end:
+                most, part = (BRIEF, AT_ONCE) if block.is_promising else (HASTY, HURRIED)
+                if block.work > most or session.seconds - began > part * left:
                     return None
             if block.is_infeasible:
                 return session.answer(Status.INFEASIBLE)
@@ -170,11 +175,10 @@ class Course:
             if not session.over() and self.share * session.left > SHORTEST + block.problem.lines.size / rate:
                 self._branch(block)
         if math.isfinite(session.left):
-            self._explore(LAST * session.left, math.inf)
-        while math.isfinite(session.left) and self._open() and not session.over():
-            for block in self._open():
-                block.refocus()
-            self._settle(session.left)
+            self._explore(LAST * session.left, 0.0)
+            self._explore(LATE * session.left, math.inf)
+        if math.isfinite(session.left):
+            self._finish()
 
     def _look_round(self) -> None:
         """A short search of each block, so that there is a plan of the whole before one of them takes long."""
@@ -249,6 +253,35 @@ class Course:
             if now - began > seconds or (settled and not forever):
                 return
 
+    def _finish(self) -> None:
+        """Search until the time is up, and solve parts of plans in between as long as that helps."""
+        session, pause = self.session, PAUSED
+        suitable = [block for block in self._open() if Neighbourhoods.suit(block.form)]
+        parts = [(block, Neighbourhoods(block.form, block.reduced, block.seed)) for block in suitable]
+        while self._open() and not session.over():
+            for block in self._open():
+                block.refocus()
+            self._settle(min(pause, session.left) if parts else session.left)
+            helped = False
+            for block, neighbourhoods in parts:
+                helped |= block.is_open and self._exchange(block, neighbourhoods)
+            pause = PAUSED if helped else 2 * pause
+
+    def _exchange(self, block: Block, neighbourhoods: Neighbourhoods) -> bool:
+        """Exchange parts of a block's plan for a while; whether it became cheaper."""
+        end, cost = perf_counter() + EXCHANGED, block.cost
+        try:
+            while block.plan is not None and perf_counter() < end and not self.session.over():
+                if block.offer(neighbourhoods.turn(block.plan, self.session)):
+                    self._tell()
+        except EngineFailed:
+            # It only helps: the plan at hand stays.
+            return False
+        if block.cost < cost:
+            return True
+        neighbourhoods.widen()
+        return False
+
     def _attend(self, block: Block) -> bool:
         """Give one block a burst of search and, until it has settled, of bounding; whether something got better."""
         session, moved = self.session, False
@@ -276,7 +309,8 @@ class Course:
         model, kept = block.model()
         if len(kept) == 0:
             block.is_exhausted, block.bound = True, block.cost
-            return self._tell()
+            self._tell()
+            return
         start = None
         if block.plan is not None and np.isin(block.plan, kept).all():
             start = tuple(np.searchsorted(kept, block.plan).tolist())
@@ -290,7 +324,11 @@ class Course:
             self._tell()
             return session.over() or session.is_proven()
 
-        answer = isolate.run(registry.backend("highs"), model, settings, seen, Clock(seconds))
+        try:
+            answer = isolate.run(registry.backend("highs"), model, settings, seen, Clock(seconds))
+        except EngineFailed:
+            # It only helps: what it cannot do is left to the search.
+            return
         if answer.chosen is not None and _misses(model, answer.chosen) <= CLAIMED:
             block.offer(kept[answer.chosen])
         if answer.status is Status.INFEASIBLE:
@@ -300,7 +338,7 @@ class Course:
             block.prove(min(answer.bound, block.cost))
             if answer.status is Status.OPTIMAL and answer.chosen is not None:
                 block.is_exhausted, block.bound = True, block.cost
-        return self._tell()
+        self._tell()
 
 
 def _misses(model: Model, chosen: IntArray) -> float:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, vstack
+from scipy.sparse import csr_array
 
-from pscover.model import CoverForm, Model
+from pscover.model import CoverForm, Model, model_of
 from pscover.presolve import fix_by_reduced_cost, lagrangian
 
 from .certify import Account, Fork, Paid, forked
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 BUSHY, PLAIN = 12_000, 600
 """Most entries for which branch and bound of our own is tried, where several must work together and where they are full."""
 FEW, PROMISING = 30, 0.1
-"""Branch and bound of our own is likely to finish if there are no more rows than this, or prices leave out such a part."""
+"""Branch and bound of our own is likely to finish if there are no more rows than this, or prices leave out such a part for
+as many rows, and so much more for more."""
 TURN = 12_800
 """Entries that a turn of it looks at: a few milliseconds."""
 SWIFT = 25
@@ -44,6 +45,8 @@ CORE, RICH = 3, 12
 """Such candidates a row, where entries are full and where several must work together."""
 EACH, MANY = 5, 20
 """Of each row at least so many, in the two cases."""
+SIZES = ((12, 20), (7, 12), (4, 8))
+"""The same in turn where the search has looked everywhere."""
 NOISE = 0.2
 """By how much reduced costs are blurred when favoured candidates are chosen anew, relative to the dearest kept."""
 STEPS = 40
@@ -58,6 +61,8 @@ LONGEST = 400_000
 """Most entries for which rows are solved one by one: a step must not take long."""
 PATIENCE = 300
 """Moves a row without a better plan after which a search counts as idle."""
+RESTLESS = 100
+"""The same once it has begun to look elsewhere, where it may look everywhere."""
 AIM = 1.1
 """Steps aim at the best bound times this, where that is below the plan's cost: far aims overshoot."""
 SHORTEST = 2e-3
@@ -93,6 +98,8 @@ class Block:
         self.is_exhausted = False
         self.hunt: Hunt | None = None
         self.hunted = self.kept
+        self._resting: tuple[Hunt, IntArray] | None = None
+        self._since = 0
         self.multipliers: Multipliers | None = None
         self.shares: Shares | None = None
         self._toll = np.zeros(self.problem.candidates)
@@ -140,12 +147,20 @@ class Block:
     @property
     def is_idle(self) -> bool:
         """Whether the search has long found nothing."""
-        return self.hunt is not None and self.hunt.idle > PATIENCE * (self.problem.rows + 20)
+        patience = RESTLESS if self._refocused and not self.is_wide else PATIENCE
+        if self.hunt is None:
+            return False
+        return min(self.hunt.idle, self.hunt.moves - self._since) > patience * (self.problem.rows + 20)
 
     @property
     def is_quiet(self) -> bool:
         """Whether it has found nothing since it last chose where to look."""
         return self.is_idle or self._fruitless > 0
+
+    @property
+    def _enough(self) -> float:
+        """What a better plan costs at most."""
+        return self.cost - max(self.step, 1e-9 * self.cost)
 
     def offer(self, plan: IntArray) -> bool:
         """Take a feasible plan (candidates of the block) if it is the best; whether it was."""
@@ -175,7 +190,8 @@ class Block:
         """Whether rows are so few, or prices leave out so many candidates, that branch and bound may come to an end."""
         if self.problem.rows <= FEW:
             return True
-        return self.shares is not None and math.isfinite(self.cost) and float(self._hopeless().mean()) >= PROMISING
+        enough = PROMISING * self.problem.rows / FEW
+        return self.shares is not None and math.isfinite(self.cost) and float(self._hopeless().mean()) >= enough
 
     @property
     def work(self) -> int:
@@ -269,7 +285,7 @@ class Block:
         return moved
 
     def search(self) -> bool:
-        """A turn of local search; whether it found a better plan."""
+        """A turn of local search, from the best plan once others have found a better one; whether it found a better plan."""
         if self.hunt is None:
             self._hunt_in(self.problem, self.kept)
             assert self.hunt is not None
@@ -279,13 +295,14 @@ class Block:
         """Start a search over some candidates, from the best plan if it is made of them."""
         from .hunt import Hunt
 
-        self.hunt, self.hunted = Hunt(problem, self.seed, self.step), kept
-        if self.plan is not None and np.isin(self.plan, kept).all():
+        self.hunt, self.hunted, self._since = Hunt(problem, self.seed, self.step), kept, 0
+        is_anew = self._refocused and not self.is_wide and self._fruitless % 2 == 1
+        if self.plan is not None and np.isin(self.plan, kept).all() and not is_anew:
             self.hunt.resume(np.searchsorted(kept, self.plan).astype(np.int32))
             return
         self.hunt.begin()
-        if self.plan is not None:
-            self.hunt.resume(None, limit=self.cost - max(self.step, 1e-9 * self.cost))
+        if self.plan is not None and not is_anew:
+            self.hunt.resume(None, limit=self._enough)
 
     def bind(self) -> bool:
         """Raise the bound by a few steps, about a millisecond of work where rows are not too long; whether it rose."""
@@ -360,6 +377,13 @@ class Block:
             return False
         return self.prove(min(self.merging.bound - self._extra, self.cost))
 
+    @property
+    def reduced(self) -> NDArray[np.float64]:
+        """Reduced costs of the candidates by the multipliers, as far as there are any."""
+        if self.multipliers is None:
+            return self.form.c
+        return lagrangian(self.form, self.multipliers.kept)[0]
+
     def _shrink_by_multipliers(self) -> None:
         """Leave out what no better plan contains, by reduced costs; where many are left, look at favoured ones first."""
         assert self.multipliers is not None
@@ -368,7 +392,7 @@ class Block:
             fixed = fix_by_reduced_cost(self.form, reduced, lower, self.cost, step=self.step)
             self._leave_out(np.isin(self.kept, fixed.zero))
         self.has_core = True
-        if self.is_wide:
+        if self.is_wide or self._refocused:
             core = self.form.allowed & self._favoured(reduced)
             self._hunt_in(*problem_of(CoverForm(c=self.form.c, W=self.form.W, P=self.form.P, allowed=core)))
 
@@ -392,7 +416,7 @@ class Block:
         self._tolled, self._extra = tolled(self.problem, self._toll)
         self._stall, self._has_tightened = 0, False
         self.merging, self._merges = None, 0
-        self.hunt = self.branching = self.sweep = None
+        self.hunt = self.branching = self.sweep = self._resting = None
         self._swept = 0
 
     def priced(self, rows: NDArray[np.int64], seconds: float) -> Paid | Fork | None:
@@ -408,32 +432,37 @@ class Block:
         return np.searchsorted(self._account.kept, self.kept).astype(np.int32)
 
     def refocus(self) -> None:
-        """Choose anew which candidates are favoured, by the multipliers as they are now, once the search is idle."""
-        if self.is_wide and self.is_idle and self.multipliers is not None:
-            self.seed += 1
-            self._fruitless += 1
-            self._refocused = True
-            self._shrink_by_multipliers()
+        """Choose anew which candidates are favoured, by the multipliers as they are now, once the search is idle.
+
+        A search that has looked everywhere goes on in turn with those: it has learnt which rows are hard.
+        """
+        if not self.is_idle or self.multipliers is None or self.hunt is None:
+            return
+        if self._resting is not None:
+            (self.hunt, self.hunted), self._resting = self._resting, None
+            self.hunt.resume(None, limit=self._enough)
+            self._since = self.hunt.moves
+            return
+        resting, problem = (self.hunt, self.hunted), self.problem
+        self.seed += 1
+        self._fruitless += 1
+        self._refocused = True
+        self._shrink_by_multipliers()
+        self._resting = None if self.is_wide or self.problem is not problem else resting
 
     def model(self) -> tuple[Model, IntArray]:
         """What is left as a model, and its candidates in the block."""
         kept = problem_of(self.form)[1]
-        W, P = csr_array(self.form.W[:, kept]), csr_array(self.form.P[:, kept])
-        P = csr_array(P[np.diff(P.indptr) >= 2])
-        ones = np.ones(len(kept))
-        return Model(
-            c=self.form.c[kept],
-            A=csr_array(vstack([W, P], format="csr")),
-            lo=np.concatenate([np.ones(W.shape[0]), np.full(P.shape[0], -np.inf)]),
-            hi=np.concatenate([np.full(W.shape[0], np.inf), np.ones(P.shape[0])]),
-            ub=ones,
-            integer=np.ones(len(kept), dtype=np.bool_),
-            candidates=len(kept),
-        ), kept
+        P = csr_array(self.form.P[:, kept])
+        ones = np.ones(len(kept), dtype=np.bool_)
+        W, P = csr_array(self.form.W[:, kept]), csr_array(P[np.diff(P.indptr) >= 2])
+        return model_of(CoverForm(c=self.form.c[kept], W=W, P=P, allowed=ones)), kept
 
     def _favoured(self, reduced: NDArray[np.float64]) -> NDArray[np.bool_]:
         """The candidates of least reduced cost, overall and of each row."""
         overall, each = (RICH, MANY) if self.is_fractional else (CORE, EACH)
+        if not self.is_wide:
+            overall, each = SIZES[self._fruitless // 2 % len(SIZES)]
         chosen = np.zeros(len(reduced), dtype=np.bool_)
         W = self.form.W
         most = overall * W.shape[0]

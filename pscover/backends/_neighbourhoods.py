@@ -1,0 +1,163 @@
+"""Large neighbourhood search: a part of a plan is given up, or few candidates are let in, and HiGHS finds what is best."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array
+
+from pscover import isolate, registry
+from pscover.clock import Clock
+from pscover.model import CoverForm, model_of
+from pscover.result import Answer, Settings, Status
+
+from ._cover import TOLERANCE
+from ._kernels import feasible_start
+from ._session import Session
+
+IntArray = NDArray[np.int32]
+BoolArray = NDArray[np.bool_]
+
+SPARSE = 0.04
+"""Most of the rows that a candidate may cover, on average: where each covers many, the rest of a plan leaves no choice."""
+LARGE = 100_000
+"""Entries above which a part is too much to be solved in passing."""
+SECONDS, LONGER = 0.5, 1.4
+"""What HiGHS gets for a part at first, and by what that grows where parts of that size bring nothing any more."""
+FIRST, LEAST = 24, 4
+"""Candidates given up at first, and at least."""
+CORE, SMALLEST = 1.3, 1.1
+"""Candidates of a core at first, and at least, times those of a plan."""
+BLUR = 0.1
+"""Noise on the reduced costs by which cores are chosen, relative to their mean among candidates as many as four plans."""
+MORE, FEWER = 1.2, 0.85
+"""By what these numbers change after a part that was easy, and after one that was not finished."""
+EASY = 0.4
+"""A part is easy if it took no more than so much of its time."""
+NEXT = 3
+"""Rows of a candidate given up from which others are."""
+FAVOURED = 5
+"""Candidates a row, of least reduced cost, that may come in."""
+
+
+class Neighbourhoods:
+    """Parts of one form, of a size that HiGHS can just solve.
+
+    In turn, neighbours of a plan are given up (Shaw 1998; Pisinger and Ropke 2010) and all of it is, for the sake of a core:
+    the plan and the candidates of least reduced cost. Neighbours cover a random row, or rows of each other; what the others
+    leave short is a problem of the same kind, with few rows.
+
+    Parameters
+    ----------
+    form
+        Rows and cliques.
+    reduced
+        Reduced costs of the candidates.
+    seed
+        Of everything random.
+    """
+
+    def __init__(self, form: CoverForm, reduced: NDArray[np.float64], seed: int) -> None:
+        self.form = form
+        self._rows, self._columns = csr_array(form.W), csc_array(form.W)
+        self._reduced = np.where(form.allowed, reduced, np.inf)
+        self._favoured = form.allowed & _least(self._reduced, FAVOURED * form.W.shape[0])
+        self._random = np.random.default_rng(seed)
+        self._size, self._core, self._seconds = float(FIRST), CORE, SECONDS
+        self._turns = 0
+
+    @staticmethod
+    def suit(form: CoverForm) -> bool:
+        """Whether parts of plans of this form are worth solving."""
+        entries, (rows, candidates) = form.W.nnz, form.W.shape
+        return bool(0 < entries <= min(LARGE, SPARSE * rows * candidates))
+
+    def turn(self, plan: IntArray, session: Session) -> IntArray:
+        """Solve a part with what is left of a plan: a plan that costs no more."""
+        self._turns += 1
+        is_core = self._turns % 2 == 0
+        freed = plan if is_core else self._freed(plan)
+        fixed = np.setdiff1d(plan, freed)
+        left = 1.0 - np.asarray(self.form.W[:, fixed].sum(axis=1)).ravel()
+        rows = np.flatnonzero(left > TOLERANCE)
+        if not len(rows):
+            return fixed.astype(np.int32)
+        part, columns = self._part(rows, left[rows], fixed, freed, self._few(plan) if is_core else self._favoured)
+        seconds = min(self._seconds, session.left)
+        start = tuple(np.flatnonzero(np.isin(columns, freed)).tolist())
+        settings = Settings(time=seconds, seed=session.settings.seed, threads=1, gap=0.0, start=start)
+        clock = Clock(seconds)
+        answer = isolate.run(registry.backend("highs"), model_of(part), settings, lambda _: session.over(), clock)
+        change = self._change(answer, clock.left / seconds)
+        if is_core:
+            self._core = max(SMALLEST, change * self._core)
+        else:
+            self._size = max(LEAST, change * self._size)
+        if answer.chosen is None:
+            return plan
+        better = feasible_start(self.form, [*fixed.tolist(), *columns[answer.chosen].tolist()])
+        return plan if better is None else better
+
+    def widen(self) -> None:
+        """Go on with larger parts, for which there is more time."""
+        self._seconds *= LONGER
+
+    def _few(self, plan: IntArray) -> BoolArray:
+        """The candidates of least reduced cost, as many as a core has, and others of nearly the least in later turns."""
+        reduced, size = self._reduced, len(plan)
+        if self._turns > 2:
+            known = reduced[_least(reduced, 4 * size) & self.form.allowed]
+            reduced = reduced + self._random.exponential(BLUR * max(float(known.mean() - known.min()), 1e-9), len(reduced))
+        return self.form.allowed & _least(reduced, round(self._core * size))
+
+    def _freed(self, plan: IntArray) -> IntArray:
+        """Neighbours of the plan, as many as a part has."""
+        wanted = min(round(self._size), len(plan))
+        waiting = [int(self._random.integers(self.form.W.shape[0]))]
+        seen = set(waiting)
+        found: dict[int, None] = {}
+        is_taken = np.zeros(len(self.form.c), dtype=np.bool_)
+        is_taken[plan] = True
+        while len(found) < wanted:
+            if not waiting:
+                waiting = [int(self._random.integers(self.form.W.shape[0]))]
+            row = waiting.pop(0)
+            inside = self._rows.indices[self._rows.indptr[row] : self._rows.indptr[row + 1]]
+            for i in self._random.permutation(inside[is_taken[inside]]).tolist():
+                if i in found:
+                    continue
+                found[i] = None
+                its = self._columns.indices[self._columns.indptr[i] : self._columns.indptr[i + 1]]
+                fresh = [j for j in self._random.permutation(its).tolist()[:NEXT] if j not in seen]
+                waiting += fresh
+                seen.update(fresh)
+        return np.array(list(found)[:wanted], dtype=np.int32)
+
+    def _part(
+        self, rows: NDArray[np.int64], left: NDArray[np.float64], fixed: IntArray, freed: IntArray, others: BoolArray
+    ) -> tuple[CoverForm, NDArray[np.int64]]:
+        """What is left short, in the units of what is left, and who may come in: those freed, and others that are of use."""
+        W, P = csr_array(self.form.W[rows]), self.form.P
+        may = np.zeros(len(self.form.c), dtype=np.bool_)
+        may[W.indices] = True
+        may &= others
+        taken = np.flatnonzero(np.asarray(P[:, fixed].sum(axis=1)).ravel() > 0.5)
+        may[P[taken].indices] = False
+        may[freed] = True
+        columns = np.flatnonzero(may)
+        W, P = csr_array(W[:, columns]), csr_array(P[:, columns])
+        W.data = np.minimum(W.data / np.repeat(left, np.diff(W.indptr)), 1.0)
+        P = csr_array(P[np.diff(P.indptr) >= 2])
+        return CoverForm(c=self.form.c[columns], W=W, P=P, allowed=np.ones(len(columns), dtype=np.bool_)), columns
+
+    @staticmethod
+    def _change(answer: Answer, left: float) -> float:
+        if answer.status is not Status.OPTIMAL:
+            return FEWER
+        return MORE if left >= 1.0 - EASY else 1.0
+
+
+def _least(values: NDArray[np.float64], count: int) -> BoolArray:
+    """Which values are among so many least."""
+    at = min(count, len(values)) - 1
+    return np.asarray(values <= np.partition(values, at)[at])
