@@ -44,8 +44,9 @@ class Auto:
     Large forms begin with an opening: multipliers from pricing, and searches among the candidates that they favour; with
     little time there is nothing else. Then local search under row weights finds plans, a subgradient method raises the
     bound, reduced costs leave candidates out, and once neither moves, HiGHS gets what is left, with the best plan as its
-    start and part of the time; afterwards the search goes on, and HiGHS solves parts of its plans. Models that are not covering and packing rows over binaries
-    go to HiGHS as they are, and so do those whose packing rows have room for several candidates, with a greedy start.
+    start and part of the time; afterwards the search goes on, and HiGHS solves parts of its plans. Models that are not
+    covering and packing rows over binaries go to HiGHS as they are, and so do those whose packing rows have room for
+    several candidates, with a greedy start.
 
     Parameters
     ----------
