@@ -59,6 +59,14 @@ def test_the_whole_plan_given_up_leads_to_the_optimum() -> None:
     assert form.c[neighbourhoods.turn(search.chosen, session)].sum() == pytest.approx(best.objective)
 
 
+def test_a_plan_of_little_use_is_given_up_whole() -> None:
+    W = csr_array(np.array([[0.6, 0.0, 0.6, 1.0], [0.6, 0.0, 0.6, 1.0]]))
+    form = CoverForm(c=np.array([5.0, 1.0, 5.0, 3.0]), W=W, P=csr_array((0, 4)), allowed=np.ones(4, dtype=np.bool_))
+    # Candidate 1 covers no row: no row leads to it.
+    plan = np.array([0, 1, 2], dtype=np.int32)
+    assert Neighbourhoods(form, form.c, 0).turn(plan, session_of(form)).tolist() == [3]
+
+
 def test_forms_whose_candidates_cover_many_rows_do_not_suit() -> None:
     sparse = form_of(rows=200, candidates=300, seed=0)
     dense = CoverForm(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
@@ -113,24 +115,21 @@ class Neighbourhoods:
     def _freed(self, plan: IntArray) -> IntArray:
         """Neighbours of the plan, as many as a part has."""
         wanted = min(round(self._size), len(plan))
-        waiting = [int(self._random.integers(self.form.W.shape[0]))]
-        seen = set(waiting)
-        found: dict[int, None] = {}
         is_taken = np.zeros(len(self.form.c), dtype=np.bool_)
         is_taken[plan] = True
-        while len(found) < wanted:
-            if not waiting:
-                waiting = [int(self._random.integers(self.form.W.shape[0]))]
-            row = waiting.pop(0)
-            inside = self._rows.indices[self._rows.indptr[row] : self._rows.indptr[row + 1]]
-            for i in self._random.permutation(inside[is_taken[inside]]).tolist():
-                if i in found:
-                    continue
-                found[i] = None
-                its = self._columns.indices[self._columns.indptr[i] : self._columns.indptr[i + 1]]
-                fresh = [j for j in self._random.permutation(its).tolist()[:NEXT] if j not in seen]
-                waiting += fresh
-                seen.update(fresh)
+        found: dict[int, None] = {}
+        near: deque[int] = deque()
+        seen: set[int] = set()
+        for row in self._random.permutation(self.form.W.shape[0]).tolist():
+            near.append(row)
+            while near and len(found) < wanted:
+                inside = _of(self._rows, near.popleft())
+                for i in self._random.permutation(inside[is_taken[inside]]).tolist():
+                    if i not in found:
+                        found[i] = None
+                        its = self._random.permutation(_of(self._columns, i)).tolist()[:NEXT]
+                        near += [j for j in its if j not in seen]
+                        seen.update(its)
         return np.array(list(found)[:wanted], dtype=np.int32)
 
     def _part(
@@ -155,6 +154,11 @@ class Neighbourhoods:
         if answer.status is not Status.OPTIMAL:
             return FEWER
         return MORE if left >= 1.0 - EASY else 1.0
+
+
+def _of(matrix: csr_array | csc_array, k: int) -> IntArray:
+    """Where a row, or a column, has its entries."""
+    return np.asarray(matrix.indices[matrix.indptr[k] : matrix.indptr[k + 1]])
 
 
 def _least(values: NDArray[np.float64], count: int) -> BoolArray:
