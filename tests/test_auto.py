@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -14,12 +13,15 @@ pytest.importorskip("numba")
 
 import pscover
 from pscover import EngineFailed, Settings, Status, isolate, registry
-from pscover.backend import Backend
+from pscover.backends._course import Course
 from pscover.backends._kernels import await_kernels, least_step
+from pscover.backends._neighbourhoods import Neighbourhoods
 from pscover.backends._session import Session
 from pscover.engine.warm import warming
 from pscover.generate.psc import random_psc
 from pscover.instance import Instance
+from pscover.model import as_cover
+from pscover.presolve import presolve
 from pscover.result import Answer, Progress, Stop, ignore
 
 OURS = ("auto", "local-search", "lagrangian")
@@ -156,21 +158,22 @@ def test_least_step() -> None:
 
 
 def test_the_plan_survives_an_engine_that_dies(monkeypatch: pytest.MonkeyPatch) -> None:
-    def died(*_: object) -> Answer:
+    calls: list[object] = []
+
+    def died(*given: object) -> Answer:
+        calls.append(given)
         raise EngineFailed("the process of backend 'highs' died")
 
     monkeypatch.setattr(isolate, "run", died)
-    instance = random_psc(150, 700, covers=4, dearest=90, required=0.95, seed=1)
-    asked: list[str] = []
-    monkeypatch.setattr(registry, "backend", _noting(asked, registry.backend))
-    result = registry.backend("auto").solve(registry.formulation("clique").build(instance), Settings(time=3.0), ignore)
-    assert "highs" in asked
-    assert result.status is Status.FEASIBLE
-
-
-def _noting(asked: list[str], look_up: Callable[[str], Backend]) -> Callable[[str], Backend]:
-    def noted(name: str) -> Backend:
-        asked.append(name)
-        return look_up(name)
-
-    return noted
+    model = registry.formulation("clique").build(random_psc(40, 200, covers=4, dearest=90, required=0.95, seed=1))
+    form = as_cover(model)
+    course = Course(form, presolve(form), Session(model, Settings(time=30.0), ignore), 0.5)
+    block = max(course.blocks, key=lambda one: len(one.columns))
+    while block.plan is None:
+        block.search()
+    plan = block.plan
+    course._branch(block)
+    assert not course._exchange(block, Neighbourhoods(block.form, block.reduced, 0))
+    assert len(calls) == 2
+    assert block.is_open
+    assert block.plan is plan
