@@ -66,7 +66,7 @@ class Neighbourhoods:
         self._favoured = form.allowed & _least(self._reduced, FAVOURED * form.W.shape[0])
         self._random = np.random.default_rng(seed)
         self._size, self._core, self._seconds = float(FIRST), CORE, SECONDS
-        self._turns = 0
+        self._turns, self._has_grown = 0, True
 
     @staticmethod
     def suit(form: CoverForm) -> bool:
@@ -92,7 +92,7 @@ class Neighbourhoods:
         answer = isolate.run(registry.backend("highs"), model_of(part), settings, lambda _: session.over(), clock)
         change = self._change(answer, clock.left / seconds)
         if is_core:
-            self._core = max(SMALLEST, change * self._core)
+            self._core, self._has_grown = max(SMALLEST, change * self._core), change > 1.0
         else:
             self._size = max(LEAST, change * self._size)
         if answer.chosen is None:
@@ -105,9 +105,9 @@ class Neighbourhoods:
         self._seconds *= LONGER
 
     def _few(self, plan: IntArray) -> BoolArray:
-        """The candidates of least reduced cost, as many as a core has, and others of nearly the least in later turns."""
+        """The candidates of least reduced cost, as many as a core has; of nearly the least where it has not grown."""
         reduced, size = self._reduced, len(plan)
-        if self._turns > 2:
+        if not self._has_grown:
             known = reduced[_least(reduced, 4 * size) & self.form.allowed]
             reduced = reduced + self._random.exponential(BLUR * max(float(known.mean() - known.min()), 1e-9), len(reduced))
         return self.form.allowed & _least(reduced, round(self._core * size))
