@@ -12,6 +12,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from pscover.errors import InvalidImage
 from pscover.files import opened
@@ -33,10 +35,11 @@ from pscover.seen import Seen
 
 HEAD = 26
 ANNOTATION_STARTS = (b"{", b"[", b"\x93NUMPY", b"PK")
-GREY, PALETTE = 0, 3
-"""Colour types of PNG whose values may be labels."""
-FLAT = 0.5
-"""Share of pixels that equal their right neighbour from which grey values are labels; a photo has noise."""
+GREY, PALETTE, WHOLE_BYTES = 0, 3, 8
+"""Colour types of PNG whose values may be labels, and the fewest bits that labels have."""
+FEW, SMALL, WINDOW = 64, 32.0, 512
+"""Values are a photo's if they lie in more than so many pieces of fewer pixels each, within a window of this side in the
+middle: those of photos have 6 pixels at most, also of smooth ones, those of segmentations hundreds."""
 DepthLike = Depth | str | PathLike[str] | ArrayLike
 GENERATED = frozenset({"sam-records", "sam-folder"})
 """Formats of generators that mask everything in sight, the surface too."""
@@ -57,8 +60,8 @@ class Kind(StrEnum):
 def kind_of(path: str | PathLike[str]) -> Kind:
     """What a file, or folder, is; its name does not matter.
 
-    A JPEG and a PNG in colour are photos. A PNG in grey or with a palette holds labels, unless its values change from pixel
-    to pixel like those of a photo. A folder with `metadata.csv` is what Segment Anything's script writes; others are
+    A JPEG and a PNG in colour are photos. A PNG in grey or with a palette holds labels, unless its values change every few
+    pixels like those of a photo. A folder with `metadata.csv` is what Segment Anything's script writes; others are
     folders of files. JSON and NumPy's files are annotations.
 
     Raises
@@ -88,14 +91,26 @@ def kind_of(path: str | PathLike[str]) -> Kind:
         return Kind.ANNOTATIONS
     if len(head) < HEAD or head[25] not in (GREY, PALETTE):
         return Kind.PHOTO
-    return Kind.PHOTO if head[24:26] == bytes((8, GREY)) and not _is_flat(read_labels(place)) else Kind.LABELS
+    if head[25] == PALETTE:
+        values = read_photo(place).astype(np.int32) @ (2**16, 2**8, 1)
+    elif head[24] >= WHOLE_BYTES:
+        values = read_labels(place)
+    else:
+        return Kind.LABELS
+    return Kind.LABELS if _is_flat(values) else Kind.PHOTO
 
 
-def _is_flat(values: NDArray[np.int32]) -> bool:
-    """Whether grey values lie in flat pieces, as labels do."""
-    if values.shape[1] < 2:
-        return True
-    return float((values[:, 1:] == values[:, :-1]).mean()) >= FLAT
+def _is_flat(values: NDArray[np.signedinteger[Any]]) -> bool:
+    """Whether values lie in large pieces, as labels do."""
+    top, left = (max(0, (size - WINDOW) // 2) for size in values.shape)
+    part = values[top : top + WINDOW, left : left + WINDOW]
+    index = np.arange(part.size).reshape(part.shape)
+    beside, below = part[:, 1:] == part[:, :-1], part[1:] == part[:-1]
+    ones = np.concatenate([index[:, 1:][beside], index[1:][below]])
+    others = np.concatenate([index[:, :-1][beside], index[:-1][below]])
+    joined = coo_array((np.ones(len(ones), dtype=np.bool_), (ones, others)), shape=(part.size, part.size))
+    pieces = connected_components(joined, directed=False, return_labels=False)
+    return bool(pieces <= FEW or part.size >= SMALL * pieces)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,6 +28,7 @@ from pscover.perception.perceive import perceive
 from pscover.scene import Scene
 
 cv2 = pytest.importorskip("cv2")
+Image = pytest.importorskip("PIL.Image")
 pytest.importorskip("skimage")
 PHOTOS = Path(__file__).parents[1] / "instances" / "photos"
 RECORDS = Path(__file__).parents[2] / "shared" / "sam_records"
@@ -173,8 +174,14 @@ def test_what_a_file_is_its_content_says(here: Path) -> None:
     grey = cv2.cvtColor(table(), cv2.COLOR_RGB2GRAY)
     noisy = grey + np.random.default_rng(1).integers(0, 9, grey.shape).astype(np.uint8)
     cv2.imwrite("grey.png", noisy)
+    smooth = np.add.outer(np.arange(90) ** 2 / 300, np.arange(160) / 4).astype(np.uint8)
+    cv2.imwrite("smooth.png", smooth + (noisy & 1) * (np.arange(160) % 8 == 0))
+    cv2.imwrite("fine.png", noisy.astype(np.uint16) * 257)
+    Image.fromarray(table()).quantize(64).save("palette.png")
     cv2.imwrite("labels.png", np.ones((20, 30), dtype=np.uint8))
     cv2.imwrite("wide.png", np.full((20, 30), 700, dtype=np.uint16))
+    cv2.imwrite("cells.png", np.arange(300, dtype=np.uint16).reshape(15, 20).repeat(8, axis=0).repeat(8, axis=1))
+    Image.fromarray(np.eye(9, dtype=np.uint8), mode="P").save("flat.png")
     write("colour.png", table())
     shutil.copy("table.jpg", "disguised.json")
     np.save("labels.npy", np.ones((3, 4), dtype=int))
@@ -182,7 +189,8 @@ def test_what_a_file_is_its_content_says(here: Path) -> None:
     Path("amg", "metadata.csv").touch()
     expected = {
         **dict.fromkeys(("table.jpg", "grey.png", "colour.png", "disguised.json"), Kind.PHOTO),
-        **dict.fromkeys(("labels.png", "wide.png"), Kind.LABELS),
+        **dict.fromkeys(("smooth.png", "fine.png", "palette.png"), Kind.PHOTO),
+        **dict.fromkeys(("labels.png", "wide.png", "cells.png", "flat.png"), Kind.LABELS),
         **dict.fromkeys(("labels.npy", "amg"), Kind.ANNOTATIONS),
         ".": Kind.FOLDER,
     }
@@ -273,6 +281,33 @@ def test_one_bad_photo_of_a_folder_does_not_stop_the_rest(folder: Path, here: Pa
     assert [row["garments"] for row in document["photos"]] == [2, 2]
     assert document["failed"] == []
     assert run("plan", folder, "-o", "plans", "--no-figure", "--required", "0.95", "-q").exit_code == Exit.NO_PLAN
+
+
+def test_ctrl_c_in_a_folder_is_told_with_what_is_done(folder: Path, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def read(self: Look, path: Path, **others: Any) -> Any:
+        if path.name == "b.PNG":
+            raise KeyboardInterrupt
+        return look(self, path, **others)
+
+    look = Look.read
+    monkeypatch.setattr(Look, "read", read)
+    shown = run("plan", folder, "-o", "plans", "--no-figure")
+    assert shown.exit_code == Exit.INTERRUPTED
+    assert "interrupted after 1 photo; the rest was not looked at" in shown.stderr
+    assert "a.jpg" in shown.stdout
+
+
+@pytest.mark.parametrize(
+    ("garments", "word"),
+    [([], "nothing has another colour than the surface"), ([(45, 45, 570, 370)], "of the photo is taken for garments")],
+)
+def test_next_to_nothing_or_everything_gets_a_note(here: Path, garments: list[tuple[int, ...]], word: str) -> None:
+    photo = np.full((460, 660, 3), 190, dtype=np.uint8)
+    for x, y, width, height in garments:
+        photo[y : y + height, x : x + width] = 40, 60, 160
+    write("doubtful.png", photo)
+    assert word in run("segment", "doubtful.png", "--no-figure").stderr
+    assert "taken for garments" not in run("segment", "table.jpg", "--no-figure").stderr
 
 
 def test_a_bug_in_one_photo_is_told_and_the_rest_is_planned(

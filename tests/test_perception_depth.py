@@ -180,6 +180,13 @@ def test_depth_files(tmp_path: Path) -> None:
     assert read_depth(tmp_path / "depth.npy") == pytest.approx(units / 1000)
 
 
+def test_an_array_that_python_2_has_written_is_read_without_a_word(tmp_path: Path) -> None:
+    header = b"{'descr': '<u2', 'fortran_order': False, 'shape': (2L, 3L), }".ljust(117) + b"\n"
+    content = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
+    (tmp_path / "depth.npy").write_bytes(content + np.arange(6, dtype="<u2").tobytes())
+    assert read_depth(tmp_path / "depth.npy").tolist() == [[0, 1, 2], [3, 4, 5]]
+
+
 @pytest.mark.parametrize(
     "content",
     [b"", b"\x93NUMPY", b"nothing", b"\x93NUMPY\x01\x00\x10\x00{'descr': object}"],

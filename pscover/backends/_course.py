@@ -36,6 +36,8 @@ BOUND = 0.06
 """Seconds of bounding after that, where the search has long found nothing."""
 RATE, SLOW = 2e5, 4e3
 """Entries that HiGHS takes in a second before it brings anything, where they are full and where several work together."""
+LESS = 0.6
+"""The part of its share of the time that HiGHS gets where several candidates work together."""
 TREE = 0.6
 """The part of the time that branch and bound of our own may take on small blocks."""
 LAST, LATE = 0.5, 0.1
@@ -172,7 +174,7 @@ class Course:
         self._settle(0.3 * session.left if math.isfinite(session.left) else 1e9)
         for block in self._open():
             rate = SLOW if block.is_fractional else RATE
-            if not session.over() and self.share * session.left > SHORTEST + block.problem.lines.size / rate:
+            if not session.over() and self._share_of(block) * session.left > SHORTEST + block.problem.lines.size / rate:
                 self._branch(block)
         if math.isfinite(session.left):
             self._explore(LAST * session.left, 0.0)
@@ -301,6 +303,9 @@ class Course:
                 self._tell()
         return moved
 
+    def _share_of(self, block: Block) -> float:
+        return LESS * self.share if block.is_fractional else self.share
+
     def _branch(self, block: Block) -> None:
         """Hand a block to branch and bound, with its plan as the start."""
         from pscover import registry
@@ -314,7 +319,7 @@ class Course:
         start = None
         if block.plan is not None and np.isin(block.plan, kept).all():
             start = tuple(np.searchsorted(kept, block.plan).tolist())
-        seconds = session.left if math.isinf(session.left) else max(SHORTEST, self.share * session.left)
+        seconds = session.left if math.isinf(session.left) else max(SHORTEST, self._share_of(block) * session.left)
         settings = replace(session.settings, time=seconds, start=start, gap=0.0)
 
         def seen(progress: Progress) -> bool:

@@ -51,7 +51,8 @@ class Auto:
     Parameters
     ----------
     share
-        The part of the time that is left, once search and bound have settled, that branch and bound may take.
+        The part of the time that is left, once search and bound have settled, that branch and bound may take; less where
+        several candidates must work together.
     """
 
     name: ClassVar[str] = "auto"
@@ -60,7 +61,7 @@ class Auto:
     requires: ClassVar[tuple[str, ...]] = ("numba",)
     extra: ClassVar[str] = "engine"
 
-    share: float = 0.3
+    share: float = 0.5
 
     def refuses(self, model: Model) -> str | None:
         """Every model with one objective is taken."""

@@ -12,6 +12,7 @@ from typing import Generic, TypeVar
 
 from pscover.cli.fail import Exit, explained, say
 from pscover.cli.look import sibling
+from pscover.cli.words import count
 from pscover.errors import MissingDependency, PscoverError, UnknownName
 
 IMAGES = (".jpg", ".jpeg", ".png")
@@ -48,11 +49,13 @@ class Outcome(Generic[Done]):
         return Exit.BAD_INPUT if self.failures else worst
 
     def report(self) -> None:
-        """Say on standard error what went wrong; the same words are said once."""
+        """Say on standard error what went wrong, the same words once, and whether Ctrl-C ended it."""
         for message, times in Counter(failure.message for failure in self.failures).items():
             first = next(failure.path for failure in self.failures if failure.message == message)
             said = message if str(first) in message or times > 1 else f"{first}: {message}"
             say(f"error: {said}" if times == 1 else f"error: {times} files: {said}")
+        if self.interrupted:
+            say(f"interrupted after {count(len(self.done) + len(self.failures), 'photo')}; the rest was not looked at")
 
 
 def photos_in(folder: Path) -> list[Path]:
@@ -98,7 +101,7 @@ def output_folder(given: Path | None, source: Path) -> Path:
     except FileNotFoundError:
         raise PscoverError(f"{given}: cannot be made: there is no folder {given.parent}; create it first") from None
     except OSError as problem:
-        raise PscoverError(f"{given}: cannot be made: {problem.strerror}") from None
+        raise PscoverError(f"{given}: cannot be made: {problem.strerror}; name another place for it") from None
     require_writable(given / "pscover")
     return given
 

@@ -261,6 +261,8 @@ def stem_of(path: Path) -> str:
 
 TABLE_LIMIT = 300.0
 """Centimetres that a table hardly measures."""
+MOST = 0.6
+"""Share of a photo that garments hardly fill."""
 
 
 def notes(seen: Seen) -> list[str]:
@@ -282,6 +284,29 @@ def notes(seen: Seen) -> list[str]:
         among = f"{touching} of {seen.scene.garments} segments touch"
         among = among.replace("segments touch", "segments touches") if touching == 1 else among
         said.append(f"note: {among} the picture's border; --roi leaves out furniture, tape and whatever is no garment")
+    if seen.origin.startswith("photo"):
+        said += _doubts(seen)
     if "no photo is given" in seen.origin:
         said.append("note: parts of the surface may be left among the garments; --photo tells them apart by their colour")
     return said + depth_files.depth_notes(seen)
+
+
+def _doubts(seen: Seen) -> list[str]:
+    """What to say where next to nothing, or next to everything, was taken for garments."""
+    from pscover.perception.roi import region
+
+    if not seen.scene.garments:
+        return [
+            "note: nothing has another colour than the surface (--background says what that looks like); garments of its "
+            "colour are found by --depth with --set-perception cloth_height_cm=0.5, or by --segmenter mobile-sam with "
+            "--set-perception decision=mask"
+        ]
+    inside = region([seen.grid.from_photo(*corner) for corner in seen.roi] or None, seen.grid.shape)
+    share = float((seen.scene.labels[inside] > 0).mean())
+    if share <= MOST:
+        return []
+    whole = "region of interest" if seen.roi else "photo"
+    return [
+        f"note: {share:.0%} of the {whole} is taken for garments; if the surface is among them, say what it looks like with "
+        "--background"
+    ]

@@ -118,7 +118,7 @@ def require_writable(path: Path | None, inputs: Iterable[Path] = (), suffixes: t
     if any(path.exists() and other.exists() and path.samefile(other) for other in inputs):
         raise PscoverError(f"{path}: would replace an input of this command; name another file")
     if path.exists() and not os.access(path, os.W_OK):
-        raise PscoverError(f"{path}: cannot be written: no permission")
+        raise PscoverError(f"{path}: cannot be written: no permission; name another place for it")
     folder = Path(os.path.realpath(path)).parent
     try:
         # Permissions alone do not tell: the file system may be read-only, or full.
@@ -127,7 +127,7 @@ def require_writable(path: Path | None, inputs: Iterable[Path] = (), suffixes: t
     except FileNotFoundError:
         raise PscoverError(f"{path}: cannot be written: there is no folder {path.parent}; create it first") from None
     except OSError as problem:
-        raise PscoverError(f"{path}: cannot be written: {problem.strerror}") from None
+        raise PscoverError(f"{path}: cannot be written: {problem.strerror}; name another place for it") from None
 
 
 def require_distinct(*paths: Path | None) -> None:

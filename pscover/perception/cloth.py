@@ -45,6 +45,9 @@ class ClothSettings:
         Side in pixels of the all-ones kernel of the paper's convolution; odd, 1 for none.
     rounds
         How often it is applied; the paper's two.
+    thinnest
+        What is nowhere so many pixels wide is a line of the surface (a joint between boards, a cable, the grout of tiles)
+        unless it lies as near to something that is; 1 to keep all.
     decision
         "pixel" (the paper): each pixel by its colour. "mask": each mask of the segmenter as a whole, for garments of the
         surface's colour that a segmenter sees by their outlines, such as white socks on a white sheet.
@@ -64,6 +67,7 @@ class ClothSettings:
     median: int = 5
     kernel: int = 7
     rounds: int = 2
+    thinnest: int = 7
     decision: Literal["pixel", "mask"] = "pixel"
     surface_share: float = 0.1
     surface_sides: int = 2
@@ -74,7 +78,7 @@ class ClothSettings:
         ):  # fmt: skip
             if not (math.isfinite(value) and 0 <= value <= highest):
                 raise InvalidSettings(f"{name}: expected a number from 0 to {highest}, got {value!r}")
-        for name, side in (("median", self.median), ("kernel", self.kernel)):
+        for name, side in (("median", self.median), ("kernel", self.kernel), ("thinnest", self.thinnest)):
             if not (1 <= side <= 255 and side % 2 == 1):
                 raise InvalidSettings(f"{name}: expected an odd number of pixels from 1 to 255, got {side!r}")
         if not 0 <= self.rounds <= 100:
@@ -165,7 +169,8 @@ def cloth_map(
     distance = surface.distance(image)
     distance.setflags(write=False)
     threshold = _threshold(using.threshold, surface.lightness, distance[region])
-    cloth = majority((distance > threshold) & region, using.kernel, using.rounds) & region
+    cloth = majority((distance > threshold) & region, using.kernel, using.rounds, inside=region)
+    cloth = without_lines(cloth, using.thinnest)
     return ClothMap(cloth=_frozen(cloth), distance=distance, inside=_frozen(region), surface=surface, threshold=threshold)
 
 
@@ -190,10 +195,11 @@ def _valley(distances: FloatImage, low: float, high: float) -> float:
     return float(middles[rise.argmax()]) if rise.max() >= RISE else high
 
 
-def majority(bits: BoolImage, kernel: int, rounds: int = 2) -> BoolImage:
+def majority(bits: BoolImage, kernel: int, rounds: int = 2, *, inside: BoolImage | None = None) -> BoolImage:
     """The paper's clean-up: a convolution with an all-ones kernel, each pixel set where more than half of it is set.
 
-    Fills holes and removes specks. Beyond the image's edge its last pixels go on.
+    Fills holes and removes specks. At the edge of the region only the pixels within count: what lies beyond is not known,
+    and to repeat the last ones would make a joint along the edge as wide as cloth.
 
     Parameters
     ----------
@@ -203,6 +209,8 @@ def majority(bits: BoolImage, kernel: int, rounds: int = 2) -> BoolImage:
         Side of the kernel in pixels, odd.
     rounds
         How often.
+    inside
+        The region, shape (H, W); no other pixel is set. By default the whole image.
 
     Examples
     --------
@@ -211,13 +219,50 @@ def majority(bits: BoolImage, kernel: int, rounds: int = 2) -> BoolImage:
     [[0, 0, 0, 0, 0], [0, 0, 1, 0, 0], [0, 1, 1, 1, 0], [0, 0, 1, 0, 0], [0, 0, 0, 0, 0]]
     """
     cv2 = opencv("the cloth map")
-    kept = bits
-    for _ in range(rounds if kernel > 1 else 0):
+    region = np.ones(bits.shape, dtype=np.bool_) if inside is None else inside
+    kept = bits & region
+    if kernel == 1 or rounds == 0:
+        return kept
+
+    def counted(image: BoolImage) -> FloatImage:
         count = cv2.boxFilter(
-            kept.astype(np.float32), -1, (kernel, kernel), normalize=False, borderType=cv2.BORDER_REPLICATE
+            image.astype(np.float32), -1, (kernel, kernel), normalize=False, borderType=cv2.BORDER_CONSTANT
         )
-        kept = np.asarray(count > kernel * kernel / 2)
+        return np.asarray(count, dtype=np.float32)
+
+    half = counted(region) / 2
+    for _ in range(rounds):
+        kept = (counted(kept) > half) & region
     return kept
+
+
+def without_lines(cloth: BoolImage, thinnest: int) -> BoolImage:
+    """Cloth without what is nowhere so wide, unless it lies as near to cloth that is.
+
+    A strap loses at most its end; a table's joints and the grout of its tiles go, also where they run under a garment.
+
+    Parameters
+    ----------
+    cloth
+        Shape (H, W).
+    thinnest
+        Diameter in pixels of the disc that must fit in somewhere, odd; 1 for none.
+
+    Examples
+    --------
+    >>> cloth = np.zeros((9, 40), dtype=bool)
+    >>> cloth[4], cloth[1:8, :9] = True, True
+    >>> np.flatnonzero(without_lines(cloth, 5)[4]).max().item()
+    10
+    """
+    if thinnest == 1:
+        return cloth
+    cv2 = opencv("the cloth map")
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (thinnest, thinnest))
+    # What reaches beyond the image is not known to go on there: zeros all around.
+    framed = cv2.copyMakeBorder(cloth.astype(np.uint8), *[thinnest] * 4, cv2.BORDER_CONSTANT, value=0)
+    wide = cv2.dilate(cv2.morphologyEx(framed, cv2.MORPH_OPEN, disc), disc)
+    return np.asarray(cloth & (wide[thinnest:-thinnest, thinnest:-thinnest] > 0))
 
 
 def cloth_by_mask(pixelwise: ClothMap, masks: tuple[Mask, ...], settings: ClothSettings) -> ClothMap:

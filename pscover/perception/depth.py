@@ -6,6 +6,7 @@ Heights along the optical axis need the table's plane alone; heights perpendicul
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from itertools import pairwise
 from os import PathLike
@@ -277,7 +278,9 @@ def read_depth(path: str | PathLike[str]) -> NDArray[Any]:
     """
     if Path(path).suffix.lower() != ".npy":
         return read_labels(path, "depths")
-    with opened(Path(path), BYTE_LIMIT, InvalidImage) as file:
+    with opened(Path(path), BYTE_LIMIT, InvalidImage) as file, warnings.catch_warnings():
+        # NumPy warns of headers that Python 2 has written; they are read all the same.
+        warnings.simplefilter("ignore")
         try:
             version = np.lib.format.read_magic(file)
             reader = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
