@@ -135,7 +135,7 @@ def test_turns_do_not_change_the_course() -> None:
     for work in (300, 20_000, 1_000_000):
         state = empty(problem, 9)
         state.value[2] = 1.0
-        greedy.complete(problem, state, problem.cost)
+        greedy.choose(problem, state, problem.cost)
         while state.counts[2] < 4000:
             weighting.search(problem, state, work, 4000)
         plans.append((float(state.value[1]), state.candidates["taken"].tolist()))
@@ -149,7 +149,7 @@ def test_lazy_greedy_equals_plain_greedy() -> None:
         form = form_of(random_psc(20, 120, covers=4, clique_size=5, dearest=9, seed=seed))
         problem, columns = problem_of(form)
         state = empty(problem, 0)
-        whole = greedy.complete(problem, state, problem.cost)
+        whole = greedy.choose(problem, state, problem.cost)
         search = Search(form)
         assert search.complete(lambda: False) == whole
         assert columns[np.flatnonzero(state.candidates["taken"])].tolist() == search.chosen.tolist()

@@ -6,10 +6,10 @@ from time import perf_counter
 
 import numpy as np
 
-from .greedy import complete
+from .greedy import adopt, choose
 from .problem import FloatArray, IntArray, Problem
 from .state import BEST, BEST_AT, COST, LIMIT, MOVES, SHORT, STEP, empty
-from .weighting import adopt, search
+from .weighting import search
 
 TURN = 2e-3
 """Seconds that a turn aims at, so that clock and observer are looked at often."""
@@ -58,9 +58,7 @@ class Hunt:
 
     def begin(self, price: FloatArray | None = None) -> bool:
         """Choose greedily from scratch; `price` stands for the costs."""
-        adopt(self.problem, self.state, np.zeros(0, dtype=np.int32))
-        self.resume(None)
-        return bool(complete(self.problem, self.state, self.problem.cost if price is None else price))
+        return choose(self.problem, self.state, self.problem.cost if price is None else price)
 
     def resume(self, plan: IntArray | None, limit: float | None = None) -> None:
         """Go on from a plan free of conflicts (None: from where it is), looking for plans not above `limit`."""

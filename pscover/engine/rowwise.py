@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .jit import copy, inner, kernel
+from .jit import copy, inner, kernel, wide
 from .problem import FloatArray, IntArray, Problem
 
 UNITS = 120
@@ -143,7 +143,6 @@ def without(old: Shares, gone: NDArray[np.bool_]) -> Shares:
     )
 
 
-@kernel
 def improve(problem: Problem, state: Shares, steps: int, goal: float) -> float:
     """Move shares towards rows that want a candidate from rows that do not; the best bound so far.
 
@@ -151,62 +150,76 @@ def improve(problem: Problem, state: Shares, steps: int, goal: float) -> float:
     with at most one candidate a clique, found by dynamic programming, is a bound for any shares. Plus infinity where a row
     cannot be met.
     """
-    rows, n = len(state.starts) - 1, len(problem.cost)
-    widest, levels = 0, 0
-    for j in range(rows):
-        first, last = state.starts[j], state.starts[j + 1]
-        levels = max(levels, state.low[j], state.high[j])
-        if last > first:
-            widest = max(widest, state.group[last - 1] + 1)
-    table = np.empty((widest + 1) * (levels + 1) * SPAN)
-    begins = np.empty(widest + 1, dtype=np.int32)
-    penalty, mean = np.empty(n), np.empty(n)
+    n = problem.candidates
+    widest = int(state.group.max(initial=-1)) + 1
+    levels = max(int(state.low.max(initial=0)), int(state.high.max(initial=0)))
+    table, begins = np.empty((widest + 1) * (levels + 1) * SPAN), np.empty(widest + 1, dtype=np.int32)
+    move(problem.cost, state, steps, goal, table, begins, np.empty(n), np.empty(n))
+    return float(state.value[BOUND])
+
+
+@kernel
+def move(
+    cost: FloatArray,
+    state: Shares,
+    steps: int,
+    goal: float,
+    table: FloatArray,
+    begins: IntArray,
+    penalty: FloatArray,
+    mean: FloatArray,
+) -> None:
+    """Move shares, with room for the prices and beginnings of the cliques of a row, and for two numbers a candidate."""
+    share, value, n = state.share, state.value, len(cost)
     for _ in range(steps):
         total = 0.0
-        penalty[:] = 0.0
-        for j in range(rows):
+        for i in range(n):
+            penalty[i] = mean[i] = 0.0
+        for j in range(len(state.low)):
             cheapest, final = _solve_row(state, j, table, begins)
             if cheapest >= NEVER:
-                state.value[BOUND] = np.inf
-                return np.inf
+                value[BOUND] = np.inf
+                return
             total += cheapest
             if state.low[j] == 0 and state.high[j] < 0:
                 for t in range(state.starts[j], state.starts[j + 1]):
-                    more = state.share[t] + table[final + 2 * UNITS - state.units[t]] - cheapest
+                    more = share[t] + table[final + 2 * UNITS - state.units[t]] - cheapest
                     if more > 0.0:
                         penalty[state.candidate[t]] += more
         total *= 1.0 - 1e-11
-        if total > state.value[BOUND]:
-            state.value[BOUND] = total
-            copy(state.kept, state.share)
+        if total > value[BOUND]:
+            value[BOUND] = total
+            copy(state.kept, share)
             copy(state.penalty, penalty)
-        _reconsider(state)
+        _reconsider(value, share, state.kept)
         if goal <= total:
-            break
-        mean[:] = 0.0
-        for t in range(len(state.share)):
-            old = state.mean[t]
-            state.mean[t] = state.chosen[t] if old < 0.0 else 0.8 * old + 0.2 * state.chosen[t]
-            mean[state.candidate[t]] += state.mean[t]
+            return
+        for t in range(len(share)):
+            old, new = state.mean[t], state.chosen[t]
+            new = new if old < 0.0 else 0.8 * old + 0.2 * new
+            state.mean[t] = new
+            mean[state.candidate[t]] += new
+        for i in range(n):
+            penalty[i] = 0.0
+            if state.covers[i] > 0:
+                mean[i] /= state.covers[i]
         norm = 0.0
-        for t in range(len(state.share)):
-            i = state.candidate[t]
-            d = state.mean[t] - mean[i] / state.covers[i]
+        for t in range(len(share)):
+            d = state.mean[t] - mean[state.candidate[t]]
             norm += d * d
         if norm <= 1e-18:
-            break
-        length = state.value[LENGTH] * (goal - total) / norm
-        penalty[:] = 0.0
-        for t in range(len(state.share)):
+            return
+        length = value[LENGTH] * (goal - total) / norm
+        for t in range(len(share)):
             i = state.candidate[t]
-            state.share[t] = max(0.0, state.share[t] + length * (state.mean[t] - mean[i] / state.covers[i]))
-            penalty[i] += state.share[t]
-        for t in range(len(state.share)):
+            more = share[t] + length * (state.mean[t] - mean[i])
+            share[t] = more if more > 0.0 else 0.0
+            penalty[i] += share[t]
+        for t in range(len(share)):
             i = state.candidate[t]
             if penalty[i] > 0.0:
                 # Rounding must not let shares sum to more than the cost.
-                state.share[t] *= problem.cost[i] / penalty[i] * (1.0 - 1e-14)
-    return float(state.value[BOUND])
+                share[t] *= cost[i] / penalty[i] * (1.0 - 1e-14)
 
 
 NEVER = 1e30
@@ -214,24 +227,27 @@ NEVER = 1e30
 
 
 @inner
-def _reconsider(state: Shares) -> None:
+def _reconsider(value: FloatArray, share: FloatArray, kept: FloatArray) -> None:
     """Every tenth step: longer steps if the bound has risen, else shorter ones; at first boldly, from the best point."""
-    state.value[STEPS] += 1
-    if state.value[STEPS] % 10 != 0:
+    value[STEPS] += 1
+    if value[STEPS] % 10 != 0:
         return
-    rise = state.value[BOUND] - state.value[TOP]
-    if state.value[PATIENT] == 0.0:
-        if rise > 1e-4 * abs(state.value[TOP]):
-            state.value[LENGTH] = min(1.0, state.value[LENGTH] * 1.25)
-        else:
-            state.value[LENGTH] *= 0.5
-            copy(state.share, state.kept)
-        if state.value[LENGTH] < SHORT:
-            state.value[PATIENT], state.value[LENGTH] = 1.0, RESTART
+    top, length = value[TOP], value[LENGTH]
+    rise = value[BOUND] - top
+    value[TOP] = value[BOUND]
+    if value[PATIENT] != 0.0:
+        length *= 1.1 if rise > 2e-5 * abs(top) else 0.8
+    elif rise > 1e-4 * abs(top):
+        length *= 1.25
     else:
-        longer = rise > 2e-5 * abs(state.value[TOP])
-        state.value[LENGTH] = min(1.0, state.value[LENGTH] * (1.1 if longer else 0.8))
-    state.value[TOP] = state.value[BOUND]
+        length *= 0.5
+        copy(share, kept)
+    if length > 1.0:
+        length = 1.0
+    if value[PATIENT] == 0.0 and length < SHORT:
+        value[PATIENT] = 1.0
+        length = RESTART
+    value[LENGTH] = length
 
 
 RESTART = 0.1
@@ -245,49 +261,47 @@ def _solve_row(state: Shares, j: int, table: FloatArray, begins: IntArray) -> tu
     After each clique, the table holds SPAN prices for each number e of entries: that of at least d units at UNITS + d, and
     below those what less than none costs. Where there is no most, the last e stands for as many or more.
     """
+    share, chosen, units, groups = state.share, state.chosen, state.units, state.group
     first, last = state.starts[j], state.starts[j + 1]
     low, high = state.low[j], state.high[j]
     top = low if high < 0 else high
     size = (top + 1) * SPAN
     upper = 0.0
     for t in range(first, last):
-        if state.chosen[t] == 1:
-            upper += state.share[t]
+        if chosen[t] == 1:
+            upper += share[t]
+        chosen[t] = 0
     upper += 1e-12
     for d in range(size):
         table[d] = 0.0 if d <= UNITS else NEVER
-    now, height = 0, 0
-    t = first
-    while t < last:
-        group = state.group[t]
-        begun = False
-        while t < last and state.group[t] == group:
-            # Dearer than a choice at hand: in no cheapest one.
-            if state.share[t] <= upper:
-                if not begun:
-                    begun = True
-                    begins[height] = t
-                    height += 1
-                    _copy_on(table, now, size)
-                    now += size
-                if top == 0 and high < 0:
-                    _lower(table, now - SPAN + UNITS - state.units[t], now + UNITS, state.share[t])
-                else:
-                    _take(table, now, top, high < 0, state.share[t], state.units[t])
-            t += 1
+    now, height, group = wide(0), 0, -1
     for t in range(first, last):
-        state.chosen[t] = 0
+        price = share[t]
+        # Dearer than a choice at hand: in no cheapest one.
+        if price > upper:
+            continue
+        if groups[t] != group:
+            group = groups[t]
+            begins[height] = t
+            height += 1
+            _copy_on(table, now, size)
+            now += size
+        if top == 0 and high < 0:
+            _lower(table, now - SPAN + UNITS - units[t], now + UNITS, price)
+        else:
+            _take(table, now, top, high < 0, price, units[t])
     at = low * SPAN + 2 * UNITS
-    for e in range(low, top + 1):
+    for e in range(low + 1, top + 1):
         if table[now + e * SPAN + 2 * UNITS] < table[now + at]:
             at = e * SPAN + 2 * UNITS
     cheapest = table[now + at]
     if cheapest < NEVER:
         for h in range(height - 1, -1, -1):
-            if table[h * size + at] > table[h * size + size + at]:
-                t, at = _entry_at(state.share, state.units, begins[h], table, h * size, size, at, top if high < 0 else -1)
-                state.chosen[t] = 1
-    return float(cheapest), now
+            before = h * size
+            if table[before + at] > table[before + size + at]:
+                t, at = _entry_at(share, units, begins[h], table, before, size, at, top if high < 0 else -1)
+                chosen[t] = 1
+    return cheapest, now
 
 
 @inner
@@ -300,9 +314,9 @@ def _entry_at(
     """
     due = table[before + size + at]
     e, d = at // SPAN, at % SPAN - UNITS
-    t = begin
+    t = wide(begin)
     while True:
-        rest = at - min(d, units[t])
+        rest = at - (units[t] if units[t] < d else d)
         if e > 0 and table[before + rest - SPAN] + share[t] == due:
             return t, rest - SPAN
         if e == stays and table[before + rest] + share[t] == due:
@@ -313,14 +327,14 @@ def _entry_at(
 @inner
 def _take(table: FloatArray, now: int, top: int, has_no_most: bool, price: float, units: int) -> None:
     """Lower the prices of all numbers of entries that one more brings."""
-    size = (top + 1) * SPAN
+    source, target = now - (top + 1) * SPAN + UNITS - units, now + UNITS
+    for e in range(top + 1 if has_no_most else top):
+        to = target + (e + 1 if e < top else top) * SPAN
+        _lower(table, source + e * SPAN, to, price)
     for e in range(1, top + 1):
-        _lower(table, now - size + (e - 1) * SPAN + UNITS - units, now + e * SPAN + UNITS, price)
-    if has_no_most:
-        _lower(table, now - size + top * SPAN + UNITS - units, now + top * SPAN + UNITS, price)
-    for e in range(1, top + 1):
-        for d in range(UNITS):
-            table[now + e * SPAN + d] = table[now + e * SPAN + UNITS]
+        to = target + e * SPAN
+        for d in range(to - UNITS, to):
+            table[d] = table[to]
 
 
 @inner

@@ -127,132 +127,131 @@ def penalty(deficit: float) -> float:
 @inner
 def put(problem: Problem, state: State, i: int) -> None:
     """Put a candidate into the plan; its cliques must be free."""
-    state.candidates[i]["taken"] = 1
-    size = state.counts[SIZE]
+    one, size = state.candidates[i], state.counts[SIZE]
+    one["taken"] = 1
+    one["place"] = size
+    one["moved"] = state.counts[MOVES]
     state.candidates[size]["plan"] = i
-    state.candidates[i]["place"] = size
     state.counts[SIZE] = size + 1
     state.value[COST] += problem.cost[i]
-    now = state.counts[MOVES]
-    state.candidates[i]["moved"] = now
     for t in range(problem.gptr[i], problem.gptr[i + 1]):
         state.occupant[problem.gclq[t]] = i
     own = 0.0
     for t in range(problem.cptr[i], problem.cptr[i + 1]):
-        j, w = int(problem.columns[t]["row"]), problem.columns[t]["entry"]
-        y = state.rows[j]["weight"]
-        old = 1.0 - state.rows[j]["supply"]
-        new = old - w
-        state.rows[j]["supply"] += w
-        state.rows[j]["touched"] = now
-        before, after = penalty(old), penalty(new)
-        own += y * (before - after)
-        begin, filled = problem.rptr[j], state.rows[j]["filled"]
-        state.counts[WORK] += filled + 1
-        for s in range(begin, begin + filled):
-            k, v = state.inner[s]["inside"], state.inner[s]["inval"]
-            state.candidates[k]["loss"] += y * (penalty(new + v) - after - penalty(old + v) + before)
-        if state.counts[KEEPS] == 1 and old > TOLERANCE:
-            _revalue(problem, state, j, y, old, new)
-        state.inner[begin + filled]["inside"] = i
-        state.inner[begin + filled]["inval"] = w
-        state.rows[j]["filled"] = filled + 1
-        if old > TOLERANCE and new <= TOLERANCE:
-            _met(state, j)
-    state.candidates[i]["loss"] = own
+        entry = problem.columns[t]
+        j, w = entry["row"], entry["entry"]
+        row = state.rows[j]
+        filled = row["filled"]
+        own += _supply(problem, state, j, w)
+        member = state.inner[problem.rptr[j] + filled]
+        member["inside"] = i
+        member["inval"] = w
+        row["filled"] = filled + 1
+    one["loss"] = own
 
 
 @inner
 def take_out(problem: Problem, state: State, i: int) -> None:
     """Take a candidate out of the plan."""
-    state.candidates[i]["taken"] = 0
-    last = state.counts[SIZE] - 1
-    other, at = state.candidates[last]["plan"], state.candidates[i]["place"]
+    one, last = state.candidates[i], state.counts[SIZE] - 1
+    other, at = state.candidates[last]["plan"], one["place"]
     state.candidates[at]["plan"] = other
     state.candidates[other]["place"] = at
-    state.candidates[i]["place"] = -1
+    one["taken"] = 0
+    one["place"] = -1
+    one["moved"] = state.counts[MOVES]
     state.counts[SIZE] = last
     state.value[COST] -= problem.cost[i]
-    now = state.counts[MOVES]
-    state.candidates[i]["moved"] = now
     for t in range(problem.gptr[i], problem.gptr[i + 1]):
         state.occupant[problem.gclq[t]] = -1
     for t in range(problem.cptr[i], problem.cptr[i + 1]):
-        j, w = int(problem.columns[t]["row"]), problem.columns[t]["entry"]
-        y = state.rows[j]["weight"]
-        old = 1.0 - state.rows[j]["supply"]
-        new = old + w
-        state.rows[j]["supply"] -= w
-        state.rows[j]["touched"] = now
-        before, after = penalty(old), penalty(new)
-        begin, filled = problem.rptr[j], state.rows[j]["filled"] - 1
-        state.counts[WORK] += filled + 1
-        for s in range(begin, begin + filled + 1):
-            if state.inner[s]["inside"] == i:
-                state.inner[s]["inside"] = state.inner[begin + filled]["inside"]
-                state.inner[s]["inval"] = state.inner[begin + filled]["inval"]
-                break
-        state.rows[j]["filled"] = filled
+        entry = problem.columns[t]
+        j = entry["row"]
+        row = state.rows[j]
+        filled = row["filled"] - 1
+        begin = problem.rptr[j]
+        moved = state.inner[begin + filled]
         for s in range(begin, begin + filled):
-            k, v = state.inner[s]["inside"], state.inner[s]["inval"]
-            state.candidates[k]["loss"] += y * (penalty(new + v) - after - penalty(old + v) + before)
-        if state.counts[KEEPS] == 1 and new > TOLERANCE:
-            _revalue(problem, state, j, y, old, new)
-        if old <= TOLERANCE and new > TOLERANCE:
-            state.rows[j]["spot"] = state.counts[SHORT]
-            state.rows[state.counts[SHORT]]["lacking"] = j
-            state.counts[SHORT] += 1
+            member = state.inner[s]
+            if member["inside"] == i:
+                member["inside"] = moved["inside"]
+                member["inval"] = moved["inval"]
+                break
+        row["filled"] = filled
+        _supply(problem, state, j, -entry["entry"])
 
 
 @inner
-def _revalue(problem: Problem, state: State, j: int, y: float, old: float, new: float) -> None:
-    """Bring the worth of a row's candidates up to date after its deficit changed."""
+def _supply(problem: Problem, state: State, j: int, more: float) -> float:
+    """Give a row more, or less, and bring all up to date that depends on it; by how much its weighted penalty falls."""
+    row, counts = state.rows[j], state.counts
+    y: float = row["weight"]
+    old = 1.0 - row["supply"]
+    new = old - more
+    row["supply"] += more
+    row["touched"] = counts[MOVES]
     before, after = penalty(old), penalty(new)
-    for s in range(problem.rptr[j], problem.rptr[j + 1]):
-        w = problem.lines[s]["entry"]
-        state.candidates[problem.lines[s]["candidate"]]["worth"] += y * (
-            after - penalty(new - w) - before + penalty(old - w)
-        )
-    state.counts[WORK] += problem.rptr[j + 1] - problem.rptr[j]
-
-
-@inner
-def _met(state: State, j: int) -> None:
-    last = state.counts[SHORT] - 1
-    other, at = state.rows[last]["lacking"], state.rows[j]["spot"]
-    state.rows[at]["lacking"] = other
-    state.rows[other]["spot"] = at
-    state.rows[j]["spot"] = -1
-    state.counts[SHORT] = last
+    begin, filled = problem.rptr[j], row["filled"]
+    work = filled + 1
+    for s in range(begin, begin + filled):
+        member = state.inner[s]
+        v = member["inval"]
+        state.candidates[member["inside"]]["loss"] += y * (penalty(new + v) - after - penalty(old + v) + before)
+    was_short, is_short = old > TOLERANCE, new > TOLERANCE
+    if counts[KEEPS] == 1 and (was_short or is_short):
+        end = problem.rptr[j + 1]
+        for s in range(begin, end):
+            line = problem.lines[s]
+            w = line["entry"]
+            state.candidates[line["candidate"]]["worth"] += y * (after - penalty(new - w) - before + penalty(old - w))
+        work += end - begin
+    counts[WORK] += work
+    short = counts[SHORT]
+    if was_short and not is_short:
+        short -= 1
+        other, at = state.rows[short]["lacking"], row["spot"]
+        state.rows[at]["lacking"] = other
+        state.rows[other]["spot"] = at
+        row["spot"] = -1
+    elif is_short and not was_short:
+        row["spot"] = short
+        state.rows[short]["lacking"] = j
+        short += 1
+    counts[SHORT] = short
+    return y * (before - after)
 
 
 @inner
 def weigh(problem: Problem, state: State, j: int, more: float) -> None:
     """Add to the weight of a row."""
-    state.rows[j]["weight"] += more
-    deficit = 1.0 - state.rows[j]["supply"]
+    row = state.rows[j]
+    row["weight"] += more
+    deficit = 1.0 - row["supply"]
     now = penalty(deficit)
     begin = problem.rptr[j]
-    for s in range(begin, begin + state.rows[j]["filled"]):
-        state.candidates[state.inner[s]["inside"]]["loss"] += more * (penalty(deficit + state.inner[s]["inval"]) - now)
+    for s in range(begin, begin + row["filled"]):
+        member = state.inner[s]
+        state.candidates[member["inside"]]["loss"] += more * (penalty(deficit + member["inval"]) - now)
     if state.counts[KEEPS] == 1 and deficit > TOLERANCE:
-        for s in range(begin, problem.rptr[j + 1]):
-            state.candidates[problem.lines[s]["candidate"]]["worth"] += more * (
-                now - penalty(deficit - problem.lines[s]["entry"])
-            )
-        state.counts[WORK] += problem.rptr[j + 1] - begin
+        end = problem.rptr[j + 1]
+        for s in range(begin, end):
+            line = problem.lines[s]
+            state.candidates[line["candidate"]]["worth"] += more * (now - penalty(deficit - line["entry"]))
+        state.counts[WORK] += end - begin
 
 
 @inner
 def gain(problem: Problem, state: State, i: int) -> float:
     """By how much the weighted penalty falls when a candidate is put in."""
     total = 0.0
-    for t in range(problem.cptr[i], problem.cptr[i + 1]):
-        j = int(problem.columns[t]["row"])
-        deficit = 1.0 - state.rows[j]["supply"]
+    begin, end = problem.cptr[i], problem.cptr[i + 1]
+    for t in range(begin, end):
+        entry = problem.columns[t]
+        row = state.rows[entry["row"]]
+        deficit = 1.0 - row["supply"]
         if deficit > TOLERANCE:
-            total += state.rows[j]["weight"] * (penalty(deficit) - penalty(deficit - problem.columns[t]["entry"]))
-    state.counts[WORK] += problem.cptr[i + 1] - problem.cptr[i]
+            total += row["weight"] * (penalty(deficit) - penalty(deficit - entry["entry"]))
+    state.counts[WORK] += end - begin
     return total
 
 
@@ -268,30 +267,36 @@ def is_free(problem: Problem, state: State, i: int) -> bool:
 @inner
 def refresh(problem: Problem, state: State) -> None:
     """Compute supplies and losses afresh, so that rounding does not add up."""
-    for j in range(len(state.rows)):
-        state.rows[j]["supply"] = 0.0
+    rows, candidates = state.rows, state.candidates
+    for j in range(len(rows)):
+        rows[j]["supply"] = 0.0
     cost = 0.0
-    for s in range(state.counts[SIZE]):
-        i = int(state.candidates[s]["plan"])
+    size = state.counts[SIZE]
+    for s in range(size):
+        i = candidates[s]["plan"]
         cost += problem.cost[i]
         for t in range(problem.cptr[i], problem.cptr[i + 1]):
-            state.rows[problem.columns[t]["row"]]["supply"] += problem.columns[t]["entry"]
+            entry = problem.columns[t]
+            rows[entry["row"]]["supply"] += entry["entry"]
     state.value[COST] = cost
-    state.counts[SHORT] = 0
-    for j in range(len(state.rows)):
-        state.rows[j]["spot"] = -1
-        if 1.0 - state.rows[j]["supply"] > TOLERANCE:
-            state.rows[j]["spot"] = state.counts[SHORT]
-            state.rows[state.counts[SHORT]]["lacking"] = j
-            state.counts[SHORT] += 1
-    for s in range(state.counts[SIZE]):
-        i = int(state.candidates[s]["plan"])
+    short = 0
+    for j in range(len(rows)):
+        row = rows[j]
+        row["spot"] = -1
+        if 1.0 - row["supply"] > TOLERANCE:
+            row["spot"] = short
+            rows[short]["lacking"] = j
+            short += 1
+    state.counts[SHORT] = short
+    for s in range(size):
+        i = candidates[s]["plan"]
         own = 0.0
         for t in range(problem.cptr[i], problem.cptr[i + 1]):
-            j = int(problem.columns[t]["row"])
-            deficit = 1.0 - state.rows[j]["supply"]
-            own += state.rows[j]["weight"] * (penalty(deficit + problem.columns[t]["entry"]) - penalty(deficit))
-        state.candidates[i]["loss"] = own
+            entry = problem.columns[t]
+            row = rows[entry["row"]]
+            deficit = 1.0 - row["supply"]
+            own += row["weight"] * (penalty(deficit + entry["entry"]) - penalty(deficit))
+        candidates[i]["loss"] = own
     if state.counts[KEEPS] == 1:
         for i in range(len(problem.cost)):
-            state.candidates[i]["worth"] = gain(problem, state, i)
+            candidates[i]["worth"] = gain(problem, state, i)

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .jit import copy, kernel
-from .problem import FloatArray, Problem
+from .jit import copy, inner, kernel
+from .problem import FloatArray, IntArray, Problem
 
 PERIOD = 20
 """Steps after which the length of a step is reconsidered."""
 # Places in Multipliers.value.
-BOUND, LENGTH, LOW, HIGH, STEPS = range(5)
+BOUND, LENGTH, LOW, HIGH, STEPS, LAST = range(6)
 
 
 class Multipliers(NamedTuple):
@@ -29,7 +29,8 @@ class Multipliers(NamedTuple):
     chosen
         Shape (candidates,): what the inner problem chose last, averaged over steps: near a point of the relaxation.
     value
-        The best bound, the step length, lowest and highest bound of the period, and the number of steps.
+        The best bound, the step length, lowest and highest bound of the period, the number of steps, and the best bound when
+        the period began.
     """
 
     y: FloatArray
@@ -60,33 +61,50 @@ def carried(problem: Problem, old: Multipliers) -> Multipliers:
     return Multipliers(old.kept.copy(), old.kept.copy(), problem.cost.copy(), np.zeros(problem.rows), np.zeros(n), value)
 
 
-@kernel
 def ascend(problem: Problem, state: Multipliers, steps: int, goal: float) -> float:
     """Take steps towards the best multipliers; the best bound so far (Held, Wolfe, Crowder 1974; Caprara et al. 1999).
 
     The bound is sum_j y_j + sum over cliques of min(0, least reduced cost) + the negative reduced costs outside cliques:
     valid because a candidate's other cliques are left out. `goal` is the cost of a plan, which the steps aim at.
     """
-    n, m = len(problem.cost), len(state.y)
-    least = np.zeros(problem.cliques[0])
-    which = np.zeros(problem.cliques[0], dtype=np.int32)
-    slack = np.empty(m)
-    reduced = np.empty(n)
-    picked = np.empty(n, dtype=np.int32)
+    n, cliques = problem.candidates, int(problem.cliques[0])
+    whole = np.empty(n + cliques, dtype=np.int32)
+    climb(problem, state, steps, goal, np.empty(problem.rows), np.empty(n), np.empty(cliques), whole[:n], whole[n:])
+    return float(state.value[BOUND])
+
+
+@kernel
+def climb(
+    problem: Problem,
+    state: Multipliers,
+    steps: int,
+    goal: float,
+    slack: FloatArray,
+    reduced: FloatArray,
+    least: FloatArray,
+    picked: IntArray,
+    which: IntArray,
+) -> None:
+    """Take steps, with room for a number of each row, two of each candidate and two of each clique."""
+    n, m = len(reduced), len(slack)
+    y, value, chosen, columns, cptr = state.y, state.value, state.chosen, problem.columns, problem.cptr
     for _ in range(steps):
-        least[:] = 0.0
-        which[:] = -1
-        total, size = 0.0, 0.0
+        for h in range(len(least)):
+            least[h] = 0.0
+            which[h] = -1
+        total = 0.0
         for j in range(m):
-            total += state.y[j]
+            total += y[j]
             slack[j] = 1.0
         size = total
         count = 0
         for i in range(n):
             r = problem.cost[i]
-            for t in range(problem.cptr[i], problem.cptr[i + 1]):
-                r -= state.y[problem.columns[t]["row"]] * problem.columns[t]["entry"]
+            for t in range(cptr[i], cptr[i + 1]):
+                entry = columns[t]
+                r -= y[entry["row"]] * entry["entry"]
             reduced[i] = r
+            chosen[i] *= 0.95
             if r < 0.0:
                 h = problem.home[i]
                 if h < 0:
@@ -99,42 +117,53 @@ def ascend(problem: Problem, state: Multipliers, steps: int, goal: float) -> flo
             if which[h] >= 0:
                 picked[count] = which[h]
                 count += 1
-        for i in range(n):
-            state.chosen[i] *= 0.95
         for s in range(count):
             i = picked[s]
             total += reduced[i]
             size -= reduced[i]
-            state.chosen[i] += 0.05
-            for t in range(problem.cptr[i], problem.cptr[i + 1]):
-                slack[problem.columns[t]["row"]] -= problem.columns[t]["entry"]
+            chosen[i] += 0.05
+            for t in range(cptr[i], cptr[i + 1]):
+                entry = columns[t]
+                slack[entry["row"]] -= entry["entry"]
         total -= 1e-12 * size
-        if total > state.value[0]:
-            state.value[0] = total
-            copy(state.kept, state.y)
+        if total > value[BOUND]:
+            value[BOUND] = total
+            copy(state.kept, y)
             copy(state.reduced, reduced)
-        state.value[2] = min(state.value[2], total)
-        state.value[3] = max(state.value[3], total)
-        state.value[4] += 1
-        if state.value[4] % PERIOD == 0:
-            # Steady progress asks for longer steps, none for shorter ones from the best point.
-            if state.value[3] > state.value[5] + 1e-4 * abs(state.value[5]):
-                state.value[1] = min(2.0, state.value[1] * 1.3)
-            elif state.value[3] <= state.value[5]:
-                state.value[1] = max(1e-4, state.value[1] * 0.6)
-                copy(state.y, state.kept)
-            state.value[5] = state.value[0]
-            state.value[2], state.value[3] = np.inf, -np.inf
+        _reconsider(value, total, y, state.kept)
         norm = 0.0
         for j in range(m):
-            if state.y[j] <= 0.0 and slack[j] < 0.0:
-                slack[j] = 0.0
-            d = 0.7 * slack[j] + 0.3 * state.direction[j]
+            d = slack[j]
+            if d < 0.0 and y[j] <= 0.0:
+                d = 0.0
+            d = 0.7 * d + 0.3 * state.direction[j]
             state.direction[j] = d
             norm += d * d
         if norm <= 1e-18 or goal <= total:
             break
-        step = state.value[1] * (goal - total) / norm
+        step = value[LENGTH] * (goal - total) / norm
         for j in range(m):
-            state.y[j] = max(0.0, state.y[j] + step * state.direction[j])
-    return float(state.value[0])
+            more = y[j] + step * state.direction[j]
+            y[j] = more if more > 0.0 else 0.0
+
+
+@inner
+def _reconsider(value: FloatArray, total: float, y: FloatArray, kept: FloatArray) -> None:
+    """At the end of a period: steady progress asks for longer steps, none for shorter ones from the best point."""
+    if total < value[LOW]:
+        value[LOW] = total
+    if total > value[HIGH]:
+        value[HIGH] = total
+    value[STEPS] += 1
+    if value[STEPS] % PERIOD != 0:
+        return
+    length, high, last = value[LENGTH], value[HIGH], value[LAST]
+    if high > last + 1e-4 * abs(last):
+        length *= 1.3
+        value[LENGTH] = length if length < 2.0 else 2.0
+    elif high <= last:
+        length *= 0.6
+        value[LENGTH] = length if length > 1e-4 else 1e-4
+        copy(y, kept)
+    value[LAST] = value[BOUND]
+    value[LOW], value[HIGH] = np.inf, -np.inf

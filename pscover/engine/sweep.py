@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .jit import inner, kernel
+from .jit import inner, kernel, wide
 from .problem import TOLERANCE, FloatArray, IntArray, Problem
 from .route import Stage, route
 from .rowwise import Shares
@@ -58,37 +58,43 @@ def expand(
     new_price: FloatArray,
     parent: IntArray,
     pick: IntArray,
+    room: FloatArray,
 ) -> tuple[int, int]:
-    """Extend partial plans from one on until all are or there is no more room; the next to extend and how many were made."""
-    rows, count = len(slots), 0
-    old, now = np.empty(rows), np.empty(rows)
+    """Extend partial plans from one on until all are or there is no more room; the next to extend and how many were made.
+
+    `room` is for two numbers of each row.
+    """
+    rows, many, width, count = len(slots), len(cost), needs.shape[1], 0
     for k in range(begin, len(least)):
-        if count + len(cost) > len(new_least):
+        if count + many > len(new_least):
             return k, count
         base = least[k]
         for r in range(rows):
-            old[r] = 1.0 - TOLERANCE if fresh[r] else needs[k, slots[r]]
-            base -= before[r, units_of(old[r])]
-        for c in range(len(cost)):
+            need = 1.0 - TOLERANCE if fresh[r] else needs[k, slots[r]]
+            room[0, r] = need
+            base -= before[r, units_of(need)]
+        for c in range(many):
             bound = base + cost[c]
             for r in range(rows):
-                need = old[r] - amount[c, r]
-                if need <= ROUND:
-                    now[r] = 0.0
-                    continue
-                now[r] = _equivalent(sums, size[r], r, need)
-                bound += after[r, units_of(now[r])]
-                if bound > target:
-                    break
+                need = room[0, r] - amount[c, r]
+                if need > ROUND:
+                    need = _equivalent(sums, size[r], r, need)
+                    bound += after[r, units_of(need)]
+                    if bound > target:
+                        break
+                else:
+                    need = 0.0
+                room[1, r] = need
             if bound > target:
                 continue
-            for s in range(needs.shape[1]):
+            for s in range(width):
                 new_needs[count, s] = needs[k, s]
             for r in range(rows):
-                new_needs[count, slots[r]] = now[r]
+                new_needs[count, slots[r]] = room[1, r]
             new_least[count] = bound
             new_price[count] = price[k] + cost[c]
-            parent[count], pick[count] = k, c
+            parent[count] = k
+            pick[count] = c
             count += 1
     return len(least), count
 
@@ -96,16 +102,14 @@ def expand(
 @inner
 def _equivalent(sums: FloatArray, size: int, r: int, need: float) -> float:
     """The largest need that is met whenever this one is."""
-    low, high = 0, size
-    if size == 0:
-        return need
+    low, high = wide(0), wide(size)
     while low < high:
         middle = (low + high) // 2
         if sums[r, middle] >= need - ROUND:
             high = middle
         else:
             low = middle + 1
-    return float(sums[r, low]) if low < size else need
+    return sums[r, low] if low < size else need
 
 
 @kernel
@@ -126,14 +130,18 @@ def undominated(
     width, size = needs.shape[1], len(table)
     for o in range(len(order)):
         i = order[o]
-        key = 0
+        cost = price[i]
+        key = mine = 0
         for s in range(width):
-            key = (key * 1000003 + int(needs[i, s] * 1e12)) & 0xFFFFFFFFFFFF
+            need = needs[i, s]
+            key = (key * 1000003 + int(need * 1e12)) & 0xFFFFFFFFFFFF
+            if s < LANES:
+                mine = (mine << LANE) + int(need * 255.0)
         at = key % size
         is_out = False
         while table[at] >= 0 and not is_out:
             k = table[at]
-            is_out = price[k] <= price[i]
+            is_out = price[k] <= cost
             for s in range(width):
                 if needs[k, s] != needs[i, s]:
                     is_out = False
@@ -141,19 +149,16 @@ def undominated(
             at = (at + 1) % size
         if is_out:
             continue
-        mine = 0
-        for s in range(min(width, LANES)):
-            mine = (mine << LANE) + int(needs[i, s] * 255.0)
         guarded = mine | GUARDS
-        for p in range(min(count, COMPARED)):
+        for p in range(count if count < COMPARED else COMPARED):
             if (guarded - packed[p]) & GUARDS != GUARDS:
                 continue
-            k = kept[p]
-            if price[k] > price[i]:
+            q = kept[p]
+            if price[q] > cost:
                 continue
             is_out = True
             for s in range(width):
-                if needs[k, s] > needs[i, s]:
+                if needs[q, s] > needs[i, s]:
                     is_out = False
                     break
             if is_out:
@@ -163,7 +168,8 @@ def undominated(
         while table[at] >= 0:
             at = (at + 1) % size
         table[at] = i
-        kept[count], packed[count] = i, mine
+        kept[count] = i
+        packed[count] = mine
         count += 1
     return count
 
@@ -299,6 +305,7 @@ class Sweep:
             stage.size,
             min(self.target + 1e-6 * max(1.0, abs(self.target)), self._limit),
             *made,
+            np.empty((2, len(stage.slots))),
         )
         self.work += 100 + (end - begin) * len(stage.cost)
         return end, [array[:count].copy() for array in made]

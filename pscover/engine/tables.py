@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .jit import inner, kernel
+from .jit import inner, kernel, wide
 from .problem import FloatArray, IntArray
 
 UNITS = 240
@@ -17,7 +17,6 @@ BELOW = 1e-6
 """What a need in units may lose to rounding before the price of a whole unit less is taken."""
 
 
-@kernel
 def fill(
     row: IntArray,
     start: IntArray,
@@ -46,48 +45,72 @@ def fill(
         Becomes the least price of all of each row.
     """
     rows = len(full)
+    units = np.minimum(UNITS, np.ceil(amount * UNITS - 1e-9)).astype(np.int32)
     now = np.full((rows, UNITS + 1), np.inf)
-    reach = np.zeros((rows, SUMS))
-    reached = np.zeros(rows, dtype=np.int32)
-    room = np.zeros((2, SUMS + 1))
-    for j in range(rows):
-        now[j, 0] = 0.0
+    now[:, 0] = 0.0
+    reach, reached, room = np.zeros((rows, SUMS)), np.zeros(rows, dtype=np.int32), np.zeros((2, SUMS + 1))
+    go_back(row, start, amount, units, share, before, after, sums, size, now, reach, reached, room)
+    full[:] = now[:, UNITS]
+
+
+@kernel
+def go_back(
+    row: IntArray,
+    start: IntArray,
+    amount: FloatArray,
+    units: IntArray,
+    share: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
+    sums: FloatArray,
+    size: IntArray,
+    now: FloatArray,
+    reach: FloatArray,
+    reached: IntArray,
+    room: FloatArray,
+) -> None:
+    """Fill the tables; `now` are the prices, and the first `reached` of `reach` the sums, of each row from here on."""
     for p in range(len(row) - 1, -1, -1):
-        j = row[p]
+        j, first, last = row[p], start[p], start[p + 1]
         for d in range(UNITS + 1):
             after[p, d] = before[p, d] = now[j, d]
-        size[p] = max(0, reached[j])
-        for k in range(size[p]):
+        many = reached[j]
+        size[p] = 0 if many < 0 else many
+        for k in range(many):
             sums[p, k] = reach[j, k]
-        for t in range(start[p], start[p + 1]):
-            units = min(UNITS, math.ceil(amount[t] * UNITS - 1e-9))
+        for t in range(first, last):
+            price, mine = share[t], units[t]
             for d in range(1, UNITS + 1):
-                more = share[t] + (after[p, d - units] if d > units else 0.0)
+                more = price + (after[p, d - mine] if d > mine else 0.0)
                 if more < before[p, d]:
                     before[p, d] = more
         for d in range(UNITS + 1):
             now[j, d] = before[p, d]
-        if reached[j] >= 0:
-            reached[j] = _with_clique(reach[j], reached[j], amount[start[p] : start[p + 1]], room)
-    for j in range(rows):
-        full[j] = now[j, UNITS]
+        if many >= 0:
+            reached[j] = _with_clique(reach, j, many, amount, first, last, room)
 
 
 @inner
-def _with_clique(sums: FloatArray, size: int, amount: FloatArray, room: FloatArray) -> int:
-    """Add the sums that one entry more makes; how many there are then, -1 if too many."""
-    many = size
+def _with_clique(reach: FloatArray, j: int, size: int, amount: FloatArray, first: int, last: int, room: FloatArray) -> int:
+    """Add the sums of row j that one entry more makes; how many there are then, -1 if too many."""
+    many = wide(size)
     for k in range(size):
-        room[0, k] = sums[k]
-    for a in amount:
+        room[0, k] = reach[j, k]
+    for t in range(first, last):
         i, k, made = 0, -1, 0
+        highest = -1.0
         while i < many or k < size:
-            theirs = min(1.0, a + (sums[k] if k >= 0 else 0.0)) if k < size else 2.0
+            theirs = 2.0
+            if k < size:
+                theirs = amount[t] + (reach[j, k] if k >= 0 else 0.0)
+                if theirs > 1.0:
+                    theirs = 1.0
             mine = room[0, i] if i < many else 2.0
-            if made == SUMS and min(mine, theirs) > room[1, made - 1]:
-                return -1
-            if made == 0 or min(mine, theirs) > room[1, made - 1]:
-                room[1, made] = min(mine, theirs)
+            least = theirs if theirs < mine else mine
+            if least > highest:
+                if made == SUMS:
+                    return -1
+                room[1, made] = highest = least
                 made += 1
             if mine <= theirs:
                 i += 1
@@ -97,11 +120,12 @@ def _with_clique(sums: FloatArray, size: int, amount: FloatArray, room: FloatArr
         for i in range(many):
             room[0, i] = room[1, i]
     for k in range(many):
-        sums[k] = room[0, k]
+        reach[j, k] = room[0, k]
     return many
 
 
 @inner
 def units_of(need: float) -> int:
     """The units that entries, each rounded up, have together if they meet a need."""
-    return max(0, min(UNITS, math.ceil(need * UNITS - BELOW)))
+    units = math.ceil(need * UNITS - BELOW)
+    return 0 if units < 0 else UNITS if units > UNITS else units

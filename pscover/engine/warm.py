@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import gc
 import hashlib
 import os
 import subprocess
@@ -17,6 +18,8 @@ from pscover.engine.jit import sources
 COMPILE = "import sys; sys.path[:] = sys.argv[1:]; from pscover.engine.warm import compile_in_turn; compile_in_turn()"
 KINDNESS = 10
 """How much a compiling process steps back behind the one that plans meanwhile (nice)."""
+OBJECTS = 50_000
+"""A compiling process looks for garbage after so many new objects: there is little, and looking takes its time."""
 
 
 def prepare() -> None:
@@ -35,9 +38,8 @@ def prepare() -> None:
     components(form)  # for what it imports
     problem, _ = problem_of(form)
     plan = state.empty(problem, 0)
-    greedy.complete(problem, plan, problem.cost)
+    greedy.choose(problem, plan, problem.cost)
     weighting.search(problem, plan, 100, 2)
-    weighting.adopt(problem, plan, np.array([2], dtype=np.int32))
     replaced.stand_ins(problem)
     multipliers = subgradient.multipliers(problem)
     subgradient.ascend(problem, multipliers, 1, 2.0)
@@ -52,14 +54,13 @@ def is_on_disk() -> bool:
 
     kernels: tuple[Any, ...] = (
         replaced.thin,
-        greedy.complete,
+        greedy.start,
         weighting.search,
-        weighting.adopt,
-        subgradient.ascend,
-        rowwise.improve,
+        subgradient.climb,
+        rowwise.move,
         sweep.expand,
         sweep.undominated,
-        tables.fill,
+        tables.go_back,
     )
     try:
         return all(kernel._cache._cache_file._load_index() for kernel in kernels)
@@ -73,6 +74,7 @@ def compile_in_turn() -> None:
         os.nice(KINDNESS)
     turn = _turn()
     if not is_on_disk():
+        gc.set_threshold(OBJECTS)
         prepare()
     if turn is not None:
         os.close(turn)
@@ -85,7 +87,7 @@ def _turn() -> int | None:
 
         from . import greedy
 
-        kernel: Any = greedy.complete
+        kernel: Any = greedy.start
         digest = hashlib.sha256(f"{sources()} {kernel._cache.cache_path}".encode()).hexdigest()
         path = Path(tempfile.gettempdir()) / f"pscover-{os.getuid()}-{digest[:16]}.lock"
         lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)

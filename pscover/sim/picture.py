@@ -85,7 +85,7 @@ class Painter:
         nearest, which, inside = buffers(fine.shape)
         draw(fine.screen(bodies.corners), bodies.triangles, shown, nearest, which, inside)
         out = np.full((*projection.shape, 3), 0.05, dtype=np.float32)
-        shade(which, inside, bodies, self.paint, lit, projection.eye, out)
+        shade(which, inside, bodies, self.paint, lit, projection.eye, out, np.empty((4, 3)))
         return Picture(light=out, depth=nearest[::FINER, ::FINER])
 
     def _light(self, corners: FloatArray, shown: FloatArray) -> Light:

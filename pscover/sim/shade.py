@@ -60,6 +60,7 @@ def shade(
     light: Light,
     eye: FloatArray,
     out: NDArray[np.float32],
+    room: FloatArray,
 ) -> None:
     """The light from each pixel, linear.
 
@@ -71,10 +72,12 @@ def shade(
         The world, and where the camera is.
     out
         Mean over samples, shape (H, W, 3); samples that show nothing count as they are.
+    room
+        For the point of a sample, its normal, its place on the texture and its colour, shape (4, 3).
     """
     rows, columns = out.shape[0], out.shape[1]
     factor = which.shape[0] // rows
-    at, normal, texel, colour = np.zeros(3), np.zeros(3), np.zeros(2), np.zeros(3)
+    at, normal, texel, colour = room[0], room[1], room[2], room[3]
     for row in range(rows):
         for column in range(columns):
             top, left = row * factor, column * factor
