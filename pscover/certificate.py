@@ -18,9 +18,28 @@ decomposition by rows: Guignard and Kim 1987). It is at least what any valid ine
 cardinality and group-cover inequalities are prices of this kind. Prices are whole numbers of 1/`scale`, and costs are
 rounded down to such, so that all of this is arithmetic of whole numbers.
 
-**Splits.** A plan holds at most k of the candidates of element j, or at least k + 1. Each part has prices of its own and the
+**Splits.** A plan holds at most k of the candidates of element j, or at least k + 1. Each side has prices of its own and the
 row of j is solved with so many candidates only; candidates that cannot be among k that meet the row are left out. The bound
 of a split is the lower of the two.
+
+**Parts.** Elements are divided among parts (one may be in several, or in none). Part k charges each candidate a c_i^k of any
+sign; what is left is l_i = c_i - sum_k c_i^k. Every plan meets the elements of each part, so that, where B_k bounds the cost
+at charges c^k of all choices that do,
+
+    c(S) = sum_k c^k(S) + l(S) >= sum_k B_k + sum over groups min(0, least of what is left of its candidates).
+
+Each B_k has a proof of its own, and is *lifted*: c^k(S) is a multiple of the greatest common divisor of the charges. That is
+how independent blocks, whose bounds are 1.4 and 1.3 grasps, are known to take four.
+
+**Sweeps.** Prices z_ij bound partial plans as they do whole ones: a plan that takes the choices T from some groups, and the
+others from the rest, costs at least c(T) + sum_j [least price of choices from the rest that give j what T does not] + sum
+over the rest's groups min(0, least of what its candidates have left). Let partial plans go from group to group, with every
+choice from each, and follow all but those whose bound is at least the limit: then every plan comes to the end, or one that
+begins it has a bound of at most its cost. A candidate may be left out where another of its group is as large in all elements
+and not dearer, and a partial plan where another needs no more of any element and is not dearer: what completes the one
+completes the other. The bound is the least of the bounds of those that are not followed and the costs of those that come to
+the end; if there are none, there is no plan. A sweep that would take too much work ends early: the partial plans at hand
+then count by their bounds.
 
 **Lift.** All costs of plans are multiples of the greatest common divisor of the candidates' costs (exact rationals): the
 bound is rounded up to one.
@@ -31,60 +50,24 @@ No number in a certificate can make the bound exceed the cost of a plan: wrong p
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from pscover.errors import InvalidResult
 from pscover.instance import Instance
-from pscover.relaxation import HUGE, MOST_UNITS, Rows
+from pscover.proof import Part, Parts, Prices, Proof, Split, Sweep, check
+from pscover.relaxation import MOST_UNITS, Limits, Rows, gain
+from pscover.sweeping import MOST_WORK, Effort, swept
 
 LongArray = NDArray[np.int64]
 
 MOST_SCALE = 2**40
-MOST_DEPTH = 100
-"""Splits within splits; deeper certificates are refused."""
-MOST_COUNT = 16
-"""Candidates that a split counts at most: they are a dimension of the dynamic programme."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prices:
-    """What elements pay: a bound without splits.
-
-    Parameters
-    ----------
-    entry
-        What each element pays for each candidate, in 1/scale, shape (entries of `Instance.probability`,), in its order.
-    unit
-        What each element pays for a unit of its demand, in 1/scale, at least 0, shape (elements,).
-    """
-
-    entry: LongArray
-    unit: LongArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Split:
-    """Two parts: plans with at most `count` of the candidates of an element, and plans with more.
-
-    Parameters
-    ----------
-    element
-        Whose candidates are counted.
-    count
-        How many.
-    few, many
-        What proves the bound of each part.
-    """
-
-    element: int
-    count: int
-    few: Prices | Split
-    many: Prices | Split
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,12 +81,12 @@ class Certificate:
     scale
         Prices are whole numbers of 1/scale, from 1 to 2^40.
     proof
-        Prices, or splits down to prices.
+        Prices, a sweep, or splits and parts down to these.
     """
 
     units: int
     scale: int
-    proof: Prices | Split
+    proof: Proof
 
     def over(self, instance: Instance) -> Certificate | None:
         """The same for an instance of which it numbers only the elements that ask for anything; None if it cannot be.
@@ -125,12 +108,14 @@ class Certificate:
 
     @property
     def leaves(self) -> int:
-        """How many prices it holds: 1 without splits."""
+        """How many prices and sweeps it holds: 1 without splits and parts."""
         count, stack = 0, [self.proof]
         while stack:
-            part = stack.pop()
-            if isinstance(part, Split):
-                stack += [part.few, part.many]
+            proof = stack.pop()
+            if isinstance(proof, Split):
+                stack += [proof.few, proof.many]
+            elif isinstance(proof, Parts):
+                stack += [part.proof for part in proof.parts]
             else:
                 count += 1
         return count
@@ -164,8 +149,8 @@ def certified_bound(instance: Instance, certificate: Certificate) -> Fraction | 
     Fraction(2, 1)
     """
     _check(instance, certificate)
-    rows = Rows(instance, certificate.units, certificate.scale)
-    least = _least(rows, certificate.proof, {}, 0)
+    rows = Rows.of(instance, certificate.units, certificate.scale)
+    least = _least(rows, certificate.proof, {}, Effort(MOST_WORK))
     if least is None:
         return math.inf
     bound = Fraction(least, certificate.scale)
@@ -186,15 +171,53 @@ def common_step(instance: Instance) -> Fraction:
     return Fraction(reduce(math.gcd, (c.numerator * (bottom // c.denominator) for c in costs), 0), bottom)
 
 
-def _spread(proof: Prices | Split, elements: LongArray, entries: LongArray, instance: Instance) -> Prices | Split:
-    """Prices of some elements and entries as prices of all; raises ValueError or IndexError where the numbers differ."""
+def refutation(W: csr_array, rows: Sequence[int]) -> Certificate:
+    """A certificate that no plan meets some covering rows, if that can be seen where they are swept in this order.
+
+    Examples
+    --------
+    >>> instance = Instance.of([[0.5, 0.5, 0.9], [0.5, 0.5, 0.0]], required=0.7, conflicts=[(0, 1)])
+    >>> certified_bound(instance, refutation(instance.probability.tocsr(), [1]))
+    inf
+    """
+    order = np.array(rows, dtype=np.int64)
+    entries = np.concatenate([W.indices[W.indptr[j] : W.indptr[j + 1]] for j in order]).astype(np.int64)
+    charged = np.unique(entries)
+    sweep = Sweep(entry=np.zeros(len(entries), dtype=np.int64), order=order, limit=None)
+    # Free candidates: whatever needs no more of any element replaces the rest.
+    part = Part(elements=np.sort(order), charged=charged, charge=np.zeros(len(charged), dtype=np.int64), proof=sweep)
+    return Certificate(units=1, scale=1, proof=Parts(parts=(part,)))
+
+
+def _spread(proof: Proof, elements: LongArray, entries: LongArray, instance: Instance) -> Proof:
+    """A proof about some elements and entries as one about all; raises ValueError or IndexError where the numbers differ."""
+    if isinstance(proof, Parts):
+        return Parts(parts=tuple(_spread_part(part, elements) for part in proof.parts))
     if isinstance(proof, Split):
-        few, many = (_spread(part, elements, entries, instance) for part in (proof.few, proof.many))
+        few, many = (_spread(side, elements, entries, instance) for side in (proof.few, proof.many))
         return replace(proof, element=int(elements[proof.element]), few=few, many=many)
     entry = np.zeros(instance.probability.nnz, dtype=np.int64)
+    entry[entries] = proof.entry
+    if isinstance(proof, Sweep):
+        others = np.setdiff1d(np.arange(instance.elements), elements)
+        return replace(proof, entry=entry, order=np.concatenate((elements[proof.order], others)))
     unit = np.zeros(instance.elements, dtype=np.int64)
-    entry[entries], unit[elements] = proof.entry, proof.unit
+    unit[elements] = proof.unit
     return Prices(entry=entry, unit=unit)
+
+
+def _spread_part(part: Part, elements: LongArray) -> Part:
+    """A part has numbers for its own entries only, which stay the same."""
+    return replace(part, elements=elements[part.elements], proof=_renumbered(part.proof, elements))
+
+
+def _renumbered(proof: Proof, elements: LongArray) -> Proof:
+    if isinstance(proof, Parts):
+        return Parts(parts=tuple(_spread_part(part, elements) for part in proof.parts))
+    if isinstance(proof, Split):
+        few, many = (_renumbered(side, elements) for side in (proof.few, proof.many))
+        return replace(proof, element=int(elements[proof.element]), few=few, many=many)
+    return replace(proof, order=elements[proof.order]) if isinstance(proof, Sweep) else proof
 
 
 def _check(instance: Instance, certificate: Certificate) -> None:
@@ -203,46 +226,44 @@ def _check(instance: Instance, certificate: Certificate) -> None:
     for name, value, most in (("units", certificate.units, MOST_UNITS), ("scale", certificate.scale, MOST_SCALE)):
         if not isinstance(value, int) or not 1 <= value <= most:
             raise InvalidResult(f"certificate: {name}: expected a whole number from 1 to {most}, got {value!r}")
-    stack: list[tuple[Prices | Split, int]] = [(certificate.proof, 0)]
-    while stack:
-        part, depth = stack.pop()
-        if isinstance(part, Prices):
-            _check_prices(instance, part, certificate.units)
-            continue
-        if not isinstance(part, Split):
-            raise InvalidResult(f"certificate: proof: expected Prices or a Split, got {type(part).__name__}")
-        if depth >= MOST_DEPTH:
-            raise InvalidResult(f"certificate: expected at most {MOST_DEPTH} splits within each other, got more")
-        whole = isinstance(part.element, int) and isinstance(part.count, int)
-        if not (whole and 0 <= part.element < instance.elements and 0 <= part.count <= MOST_COUNT):
-            expected = f"an element below {instance.elements} and a count of at most {MOST_COUNT}"
-            raise InvalidResult(f"certificate: split: expected {expected}, got {part.element!r} and {part.count!r}")
-        stack += [(part.few, depth + 1), (part.many, depth + 1)]
+    check(certificate.proof, instance, certificate.units)
 
 
-def _check_prices(instance: Instance, prices: Prices, units: int) -> None:
-    p = instance.probability
-    for name, array, size in (("entry", prices.entry, p.nnz), ("unit", prices.unit, instance.elements)):
-        if not isinstance(array, np.ndarray):
-            raise InvalidResult(f"certificate: {name} prices: expected a NumPy array, got {type(array).__name__}")
-        if array.dtype != np.int64 or array.shape != (size,):
-            raise InvalidResult(
-                f"certificate: {name} prices: expected {size} whole numbers, got {array.shape} of {array.dtype}"
-            )
-    if (prices.unit < 0).any():
-        raise InvalidResult(f"certificate: unit prices: expected numbers of at least 0, got {int(prices.unit.min())}")
-    # Sums of doubles are off by a tiny part: far less than the factor between HUGE and what would overflow.
-    entry, unit = np.abs(prices.entry.astype(np.float64)), prices.unit.astype(np.float64)
-    if entry.sum() + units * (unit[p.indices].sum() + unit.sum()) >= HUGE:
-        raise InvalidResult("certificate: expected prices that add up to less than 2^59, got larger ones")
-
-
-def _least(rows: Rows, proof: Prices | Split, limits: dict[int, tuple[int, int | None]], depth: int) -> int | None:
-    """The bound of a part in 1/scale, None where it holds no plan; limits are the least and the most of each element."""
+def _least(rows: Rows, proof: Proof, limits: Limits, effort: Effort) -> int | None:
+    """The bound of what meets all rows within limits, in 1/scale; None where nothing does."""
     if isinstance(proof, Prices):
         return rows.bound(proof, limits)
-    low, high = limits.get(proof.element, (0, None))
-    few = {**limits, proof.element: (low, proof.count if high is None else min(high, proof.count))}
-    many = {**limits, proof.element: (max(low, proof.count + 1), high)}
-    found = [_least(rows, proof.few, few, depth + 1), _least(rows, proof.many, many, depth + 1)]
+    if isinstance(proof, Sweep):
+        return swept(rows, proof, effort)
+    if isinstance(proof, Parts):
+        return _sum(rows, proof, limits, effort)
+    element = int(np.searchsorted(rows.elements, proof.element))
+    low, high = limits.get(element, (0, None))
+    few = {**limits, element: (low, proof.count if high is None else min(high, proof.count))}
+    many = {**limits, element: (max(low, proof.count + 1), high)}
+    found = [_least(rows, proof.few, few, effort), _least(rows, proof.many, many, effort)]
     return min((bound for bound in found if bound is not None), default=None)
+
+
+def _sum(rows: Rows, proof: Parts, limits: Limits, effort: Effort) -> int | None:
+    """The bounds of all parts, lifted, and what is left of costs."""
+    order = np.argsort(rows.row, kind="stable")
+    starts = np.searchsorted(rows.row[order], np.arange(len(rows.elements) + 1))
+    left, total = rows.cost.copy(), 0
+    for part in proof.parts:
+        which = np.searchsorted(rows.elements, part.elements)
+        entries = np.sort(np.concatenate([order[starts[j] : starts[j + 1]] for j in which.tolist()]))
+        own, some = rows.part(which, entries)
+        charge = left[some]
+        at = np.searchsorted(own.candidates, part.charged)
+        if (at == len(some)).any() or (own.candidates[at] != part.charged).any():
+            raise InvalidResult("certificate: parts: expected charges for candidates that cover an element of the part")
+        charge[at] = part.charge
+        left[some] -= charge
+        inner = {k: limits[j] for k, j in enumerate(which.tolist()) if j in limits}
+        bound = _least(replace(own, cost=charge), part.proof, inner, effort)
+        if bound is None:
+            return None
+        step = int(np.gcd.reduce(charge)) if len(charge) else 0
+        total += bound if step == 0 else -(-bound // step) * step
+    return total + gain(left, rows.group)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from fractions import Fraction
 from typing import TYPE_CHECKING
@@ -14,64 +14,115 @@ from numpy.typing import NDArray
 from pscover.instance import TOLERANCE, Instance
 
 if TYPE_CHECKING:
-    from pscover.certificate import Prices
+    from pscover.proof import Prices
 
 LongArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+Limits = dict[int, tuple[int, int | None]]
+"""The least and the most candidates that elements have, None for no most."""
 
 SLACK = 2 * TOLERANCE
 """By how much a requirement may be missed: twice what a goal forgives, so that plans weighed in floating point count too."""
 MOST_UNITS = 4096
+FINE = 2**16
+"""Units of a demand in sweeps."""
 HUGE = 2**59
 """Prices add up to less than this, so that sums of a few such numbers fit 64 bits."""
 NEVER = 2**61
 """The price of what cannot be: above all prices, and twice it fits 64 bits."""
 BINARY = 2**40
-"""Fixed-point logarithms: the largest, 37.4 for the smallest 1 - q, times this and the most units fits 64 bits."""
+"""Fixed-point logarithms: the largest demand, 20.1 for a requirement of 1, times this and the most units fits 64 bits."""
 
 
-@dataclass
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rows:
-    """The relaxation of an instance in whole numbers.
+    """Elements, and candidates that cover them, in whole numbers.
 
     Parameters
     ----------
-    instance, units, scale
-        As in the certificate.
+    elements, candidates
+        Which of the instance's they are, rising; here they are numbered in this order.
+    asks
+        Which elements ask for anything.
+    owner, row
+        The candidate and the element of each entry, in the order of `Instance.probability`.
+    size, fine
+        Of each entry, in units of the certificate and in `FINE` units.
+    group, cost
+        Of each candidate.
+    units
+        Of the certificate.
     """
 
-    instance: Instance
+    elements: LongArray
+    candidates: LongArray
+    asks: BoolArray
+    owner: LongArray
+    row: LongArray
+    size: LongArray
+    fine: LongArray
+    group: LongArray
+    cost: LongArray
     units: int
-    scale: int
-    size: LongArray = field(init=False)
-    cost: LongArray = field(init=False)
 
-    def __post_init__(self) -> None:
-        p = self.instance.probability
-        self.owner = np.repeat(np.arange(self.instance.candidates), np.diff(p.indptr))
-        self.row = p.indices.astype(np.int64)
-        self.size, self.asks = sizes(self.instance, self.units)
-        self.group = groups(self.instance)
-        whole = {c: min(HUGE, math.floor(Fraction(c) * self.scale)) for c in np.unique(self.instance.cost).tolist()}
-        self.cost = np.array([whole[c] for c in self.instance.cost.tolist()], dtype=np.int64)
+    @classmethod
+    def of(cls, instance: Instance, units: int, scale: int) -> Rows:
+        """All of an instance, costs rounded down to whole numbers of 1/scale."""
+        p = instance.probability
+        supply, asked = _amounts(instance)
+        whole = {c: min(HUGE, math.floor(Fraction(c) * scale)) for c in np.unique(instance.cost).tolist()}
+        return cls(
+            elements=np.arange(instance.elements),
+            candidates=np.arange(instance.candidates),
+            asks=asked > 0,
+            owner=np.repeat(np.arange(instance.candidates), np.diff(p.indptr)),
+            row=p.indices.astype(np.int64),
+            size=_in_units(supply, asked[p.indices], units),
+            fine=_in_units(supply, asked[p.indices], FINE),
+            group=groups(instance),
+            cost=np.array([whole[c] for c in instance.cost.tolist()], dtype=np.int64),
+            units=units,
+        )
 
-    def bound(self, prices: Prices, limits: dict[int, tuple[int, int | None]]) -> int | None:
+    def part(self, which: LongArray, entries: LongArray) -> tuple[Rows, LongArray]:
+        """Some elements with all their entries, both rising and as numbered here; and the candidates that these are of."""
+        owner = self.owner[entries]
+        fresh = np.diff(owner, prepend=-1) != 0
+        some = owner[fresh]
+        place = np.zeros(len(self.elements), dtype=np.int64)
+        place[which] = np.arange(len(which))
+        part = Rows(
+            elements=self.elements[which],
+            candidates=self.candidates[some],
+            asks=self.asks[which],
+            owner=np.cumsum(fresh) - 1,
+            row=place[self.row[entries]],
+            size=self.size[entries],
+            fine=self.fine[entries],
+            group=self.group[some],
+            cost=self.cost[some],
+            units=self.units,
+        )
+        return part, some
+
+    def bound(self, prices: Prices, limits: Limits) -> int | None:
         """Of one set of prices, in 1/scale; None where no plan is within the limits."""
         allowed = self._allowed(limits)
         unit = np.where(self.asks, prices.unit, 0)
         paid = prices.entry + unit[self.row] * self.size
         left = self.cost.copy()
         np.subtract.at(left, self.owner, paid)
-        total = int(unit.sum()) * self.units + _gain(left[allowed], self.group[allowed])
+        total = int(unit.sum()) * self.units + gain(left[allowed], self.group[allowed])
         inside = np.flatnonzero(allowed[self.owner])
         row, group, price, size = self.row[inside], self.group[self.owner[inside]], prices.entry[inside], self.size[inside]
         best = _undominated(row, group, price, size)
         row, group, price, size = row[best], group[best], price[best], size[best]
-        starts = np.searchsorted(row, np.arange(self.instance.elements + 1))
-        for j in range(self.instance.elements):
+        starts = np.searchsorted(row, np.arange(len(self.elements) + 1))
+        for j in range(len(self.elements)):
             span = slice(starts[j], starts[j + 1])
             demand = self.units if self.asks[j] else 0
             if not demand and j not in limits:
-                total += _gain(price[span], group[span])
+                total += gain(price[span], group[span])
                 continue
             low, high = limits.get(j, (0, None))
             cheapest = _cheapest(group[span].tolist(), price[span].tolist(), size[span].tolist(), demand, low, high)
@@ -80,9 +131,9 @@ class Rows:
             total += cheapest
         return total
 
-    def _allowed(self, limits: dict[int, tuple[int, int | None]]) -> NDArray[np.bool_]:
+    def _allowed(self, limits: Limits) -> BoolArray:
         """Candidates without those that are in no choice of few enough candidates that meets a row."""
-        allowed = np.ones(self.instance.candidates, dtype=np.bool_)
+        allowed = np.ones(len(self.candidates), dtype=np.bool_)
         for j, (_, high) in limits.items():
             if high is None or not self.asks[j]:
                 continue
@@ -94,7 +145,7 @@ class Rows:
         return allowed
 
 
-def sizes(instance: Instance, units: int) -> tuple[LongArray, NDArray[np.bool_]]:
+def sizes(instance: Instance, units: int) -> tuple[LongArray, BoolArray]:
     """Sizes s_ij in whole units of the demand, at most all of it, for each stored p_ij; and which elements ask for anything.
 
     Examples
@@ -103,6 +154,12 @@ def sizes(instance: Instance, units: int) -> tuple[LongArray, NDArray[np.bool_]]
     >>> size.tolist(), asks.tolist()
     ([6, 10, 1], [True])
     """
+    supply, asked = _amounts(instance)
+    return _in_units(supply, asked[instance.probability.indices], units), asked > 0
+
+
+def _amounts(instance: Instance) -> tuple[LongArray, LongArray]:
+    """What each entry supplies, at most all of the demand, rounded up, and each element's demand, rounded down, in fixed point."""
     p = instance.probability
     down, up = Context(prec=40, rounding=ROUND_FLOOR), Context(prec=40, rounding=ROUND_CEILING)
     one, binary = Decimal(1), Decimal(BINARY)
@@ -122,11 +179,15 @@ def sizes(instance: Instance, units: int) -> tuple[LongArray, NDArray[np.bool_]]
             weight[k] = int(up.multiply(most, binary)) + 1
     asked = demand[p.indices]
     supply = weight[place]
-    supply = np.where(supply < 0, asked, np.minimum(supply, asked))
-    size = np.zeros_like(asked)
+    return np.where(supply < 0, asked, np.minimum(supply, asked)), demand
+
+
+def _in_units(supply: LongArray, asked: LongArray, units: int) -> LongArray:
+    """What entries supply in whole units of what their elements ask for, rounded up; 0 where that is nothing."""
+    size = np.zeros_like(supply)
     some = asked > 0
     size[some] = (supply[some] * units + asked[some] - 1) // asked[some]
-    return size, demand > 0
+    return size
 
 
 def groups(instance: Instance) -> LongArray:
@@ -145,7 +206,7 @@ def groups(instance: Instance) -> LongArray:
     return group
 
 
-def _gain(value: LongArray, group: LongArray) -> int:
+def gain(value: LongArray, group: LongArray) -> int:
     """The sum over groups of min(0, the least value)."""
     below = np.flatnonzero(value < 0)
     order = below[np.lexsort((value[below], group[below]))]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import copy
+import json
 import math
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any, cast
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -13,39 +16,174 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pscover
-from pscover.certificate import MOST_DEPTH, Certificate, Prices, Split, certified_bound, common_step
+from pscover import sweeping
+from pscover.certificate import Certificate, certified_bound, common_step, refutation
 from pscover.enumeration import enumerate_best
 from pscover.errors import InvalidResult
 from pscover.goal import Cover, total_cost
 from pscover.instance import Instance
 from pscover.io.result import decode, encode
+from pscover.proof import MOST_DEPTH, Part, Parts, Prices, Proof, Split, Sweep
 from pscover.relaxation import HUGE, SLACK, groups, sizes
 from pscover.testing import random_instance
 from pscover.verify import Verdict, verify
 
 
-def hostile(instance: Instance, random: np.random.Generator, depth: int = 2) -> Prices | Split:
-    """Prices of all sizes and signs, and splits anywhere."""
-    if depth and instance.elements and random.random() < 0.5:
-        few, many = (hostile(instance, random, depth - 1) for _ in range(2))
-        return Split(element=int(random.integers(instance.elements)), count=int(random.integers(4)), few=few, many=many)
+def hostile(
+    instance: Instance, random: np.random.Generator, scale: int, elements: np.ndarray | None = None, depth: int = 3
+) -> Proof:
+    """Prices of all sizes and signs, sweeps to any limit, splits anywhere, and parts that overlap and charge anything."""
+    if elements is None:
+        elements = np.arange(instance.elements)
+    inside = np.isin(instance.probability.indices, elements)
+    kind = str(random.choice(["prices", "sweep", "split", "parts"]))
+    if depth and len(elements) and kind == "split":
+        few, many = (hostile(instance, random, scale, elements, depth - 1) for _ in range(2))
+        return Split(element=int(random.choice(elements)), count=int(random.integers(4)), few=few, many=many)
+    if depth and len(elements) and kind == "parts":
+        chosen = [np.flatnonzero(random.random(len(elements)) < 0.6) for _ in range(int(random.integers(1, 4)))]
+        found = tuple(hostile_part(instance, random, scale, elements[some], depth - 1) for some in chosen if len(some))
+        if found:
+            return Parts(parts=found)
     size = 10 ** int(random.integers(0, 5))
-    entry = random.integers(-size // 3, size + 1, instance.probability.nnz)
+    entry = random.integers(-size // 3, size + 1, int(inside.sum()))
     entry[random.random(len(entry)) < 0.3] = 0
-    unit = random.integers(0, size + 1, instance.elements) * (random.random() < 0.5)
-    return Prices(entry=entry.astype(np.int64), unit=unit.astype(np.int64))
+    if random.random() < 0.4:
+        # Prices that are worth something: even parts of the costs.
+        owner = np.repeat(np.arange(instance.candidates), np.diff(instance.probability.indptr))[inside]
+        entry = np.floor(instance.cost[owner] * scale / np.maximum(np.bincount(owner), 1)[owner]).astype(np.int64)
+    entry = entry.astype(np.int64)
+    if kind in ("sweep", "parts"):
+        limit = None if random.random() < 0.3 else int(random.integers(-5, 12 * scale))
+        return Sweep(entry=entry, order=random.permutation(elements).astype(np.int64), limit=limit)
+    unit = random.integers(0, size + 1, len(elements)) * (random.random() < 0.5)
+    return Prices(entry=entry, unit=unit.astype(np.int64))
 
 
-@settings(max_examples=250, deadline=None)
+def hostile_part(instance: Instance, random: np.random.Generator, scale: int, elements: np.ndarray, depth: int) -> Part:
+    inside = np.isin(instance.probability.indices, elements)
+    owner = np.unique(np.repeat(np.arange(instance.candidates), np.diff(instance.probability.indptr))[inside])
+    charged = owner[random.random(len(owner)) < random.choice([0.0, 0.5, 1.0])]
+    whole = np.floor(instance.cost[charged] * scale).astype(np.int64)
+    charge = whole if random.random() < 0.3 else random.integers(-scale, 3 * scale + 1, len(charged))
+    if random.random() < 0.2:
+        charge = np.zeros(len(charged), dtype=np.int64)
+    proof = hostile(instance, random, scale, elements, depth)
+    return Part(elements=elements, charged=charged, charge=charge.astype(np.int64), proof=proof)
+
+
+@settings(max_examples=300, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_no_numbers_prove_too_much(seed: int) -> None:
     random = np.random.default_rng(seed)
     instance = random_instance(random)
     best, plan = enumerate_best(instance, Cover())
     units, scale = int(random.choice([1, 2, 7, 30, 120])), int(random.choice([1, 10, 1000]))
-    bound = certified_bound(instance, Certificate(units=units, scale=scale, proof=hostile(instance, random)))
+    certificate = Certificate(units=units, scale=scale, proof=hostile(instance, random, scale))
+    # So small that sweeps compare partial plans here as well.
+    with patch.object(sweeping, "MANY", int(random.choice([2, 50]))), patch.object(sweeping, "RIVALS", 5):
+        bound = certified_bound(instance, certificate)
     if best is not None:
         assert bound <= total_cost(instance, plan, Fraction)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_a_sweep_finds_the_cost_of_the_best_plan(seed: int) -> None:
+    """With any prices and order, where every candidate is in one clique at most and nothing is met by a hair."""
+    random = np.random.default_rng(seed)
+    instance = split(random_instance(random))
+    best, plan = enumerate_best(instance, Cover())
+    entry = random.integers(-20, 60, instance.probability.nnz).astype(np.int64)
+    sweep = Sweep(entry=entry, order=random.permutation(instance.elements).astype(np.int64), limit=None)
+    bound = certified_bound(instance, Certificate(units=1, scale=64, proof=sweep))
+    if best is None:
+        loose, _ = enumerate_best(with_less_required(instance), Cover())
+        assert bound == math.inf or loose is not None
+        return
+    exact = total_cost(instance, plan, Fraction)
+    assert bound <= exact
+    lenient, cheaper = enumerate_best(with_less_required(instance), Cover())
+    assert lenient is not None
+    # Costs are rounded down to parts of 64.
+    assert bound > total_cost(instance, cheaper, Fraction) - Fraction(instance.candidates, 64)
+
+
+def split(instance: Instance) -> Instance:
+    """The same with the larger ones of its cliques, each without candidates of those before it."""
+    taken: set[int] = set()
+    cliques = []
+    for clique in sorted((c.tolist() for c in instance.conflicts), key=len, reverse=True):
+        own = [i for i in clique if i not in taken]
+        taken.update(own)
+        if len(own) > 1:
+            cliques.append(tuple(own))
+    return Instance.of(instance.probability, instance.required, instance.cost, cliques)
+
+
+def with_less_required(instance: Instance) -> Instance:
+    """What sweeps may take for met: sizes are rounded up to 2^-16 of the demand."""
+    missed = np.maximum(1.0 - instance.required, 1e-12)
+    required = 1.0 - missed ** (1.0 - instance.candidates / 60000.0)
+    return Instance.of(instance.probability, np.clip(required, 0.0, 1.0), instance.cost, list(instance.conflicts))
+
+
+def test_parts_are_lifted_one_by_one() -> None:
+    """Two of three are needed for each element; units alone say 120 / 70 of each."""
+    instance = Instance.of([[0.5] * 3 + [0.0] * 3, [0.0] * 3 + [0.5] * 3], required=0.7)
+    unit = np.ones(1, dtype=np.int64)
+    none = np.zeros(0, dtype=np.int64)
+    parts = tuple(
+        Part(
+            elements=np.array([j]),
+            charged=none,
+            charge=none,
+            proof=Prices(entry=np.zeros(3, dtype=np.int64), unit=unit),
+        )
+        for j in range(2)
+    )
+    whole = Prices(entry=np.zeros(6, dtype=np.int64), unit=np.ones(2, dtype=np.int64))
+    assert certified_bound(instance, Certificate(units=120, scale=100, proof=whole)) == 3
+    assert certified_bound(instance, Certificate(units=120, scale=100, proof=Parts(parts=parts))) == 4
+
+
+def test_parts_share_a_candidate() -> None:
+    """It is charged once, wherever that is, and what is charged too much is given back."""
+    instance = Instance.of([[0.9, 0.0, 0.9], [0.0, 0.9, 0.9]], cost=[2.0, 2.0, 3.0])
+    for first, proven in ((0, 2), (1, 3), (2, 3), (3, 2), (4, 1)):
+        found = []
+        for j, charge in ((0, first), (1, 3 - first)):
+            sweep = Sweep(entry=np.zeros(2, dtype=np.int64), order=np.array([j]), limit=None)
+            found.append(Part(elements=np.array([j]), charged=np.array([2]), charge=np.array([charge]), proof=sweep))
+        assert certified_bound(instance, Certificate(units=1, scale=1, proof=Parts(parts=tuple(found)))) == proven
+    left = replace(found[0], charge=np.array([7]))
+    # Left of candidate 2 are 3 - 7 + 1, which the sum over groups counts.
+    assert certified_bound(instance, Certificate(units=1, scale=1, proof=Parts(parts=(left, found[1])))) <= 3
+
+
+def test_a_row_that_cannot_be_met_is_refuted() -> None:
+    instance = Instance.of([[0.6, 0.6, 0.5], [0.9, 0.9, 0.9]], required=[0.85, 0.5], conflicts=[(0, 1)])
+    rows = instance.probability.tocsr()
+    assert certified_bound(instance, refutation(rows, [0])) == math.inf
+    assert certified_bound(instance, refutation(rows, [1])) == 0
+    assert certified_bound(instance, refutation(rows, [1, 0])) == math.inf
+
+
+def test_a_sweep_ends_where_it_takes_too_much_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it has come to by then is a bound."""
+    random = np.random.default_rng(5)
+    probability = random.uniform(0.1, 0.6, (3, 9))
+    instance = Instance.of(probability, required=0.8)
+    even = np.full(27, 33, dtype=np.int64)
+    certificate = Certificate(units=1, scale=100, proof=Sweep(entry=even, order=np.arange(3, dtype=np.int64), limit=10_000))
+    best, _ = enumerate_best(instance, Cover())
+    assert best is not None
+    found = []
+    for work in (1, 300, 3000, 10**6):
+        monkeypatch.setattr("pscover.certificate.MOST_WORK", work)
+        found.append(certified_bound(instance, certificate))
+    assert found == sorted(found)
+    assert 0 < found[0] < found[-1] == best[0]
 
 
 @settings(max_examples=60, deadline=None)
@@ -156,8 +294,33 @@ GOOD = Instance.of([[0.8, 0.0, 0.75], [0.0, 0.9, 0.75]], required=0.7, conflicts
 ZERO = Prices(entry=np.zeros(4, dtype=np.int64), unit=np.zeros(2, dtype=np.int64))
 
 
-def deep(levels: int) -> Prices | Split:
-    proof: Prices | Split = ZERO
+NONE = np.zeros(0, dtype=np.int64)
+SWEEP = Sweep(entry=ZERO.entry, order=np.array([1, 0]), limit=3)
+PART = Part(
+    elements=np.array([1]),
+    charged=np.array([2]),
+    charge=np.array([5]),
+    proof=Prices(entry=np.array([1, 2]), unit=np.array([3])),
+)
+
+
+def parted(**changes: Any) -> Certificate:
+    return Certificate(units=10, scale=1, proof=Parts(parts=(replace(PART, **changes),)))
+
+
+def swept(**changes: Any) -> Certificate:
+    return Certificate(units=10, scale=1, proof=replace(SWEEP, **changes))
+
+
+def nested(levels: int) -> Proof:
+    proof: Proof = PART.proof
+    for _ in range(levels):
+        proof = Parts(parts=(replace(PART, proof=proof),))
+    return proof
+
+
+def deep(levels: int) -> Proof:
+    proof: Proof = ZERO
     for _ in range(levels):
         proof = Split(element=0, count=1, few=ZERO, many=proof)
     return proof
@@ -176,7 +339,30 @@ def deep(levels: int) -> Prices | Split:
         (Certificate(units=10, scale=1, proof=Prices(entry=np.array([-(2**63), 0, 0, 0]), unit=ZERO.unit)), "2\\^59"),
         (Certificate(units=10, scale=1, proof=Split(element=2, count=1, few=ZERO, many=ZERO)), "split"),
         (Certificate(units=10, scale=1, proof=Split(element=0, count=-1, few=ZERO, many=ZERO)), "split"),
-        (Certificate(units=10, scale=1, proof=deep(MOST_DEPTH + 1)), "splits within"),
+        (Certificate(units=10, scale=1, proof=deep(MOST_DEPTH + 1)), "splits and parts within"),
+        (Certificate(units=10, scale=1, proof=nested(MOST_DEPTH + 1)), "splits and parts within"),
+        (Certificate(units=10, scale=1, proof=Parts(parts=())), "no parts"),
+        (parted(elements=NONE, proof=Prices(entry=NONE, unit=NONE)), "elements"),
+        (parted(elements=np.array([2])), "elements"),
+        (parted(elements=np.array([-1])), "elements"),
+        (parted(elements=np.array([1, 1])), "elements"),
+        (parted(elements=np.array([1, 0])), "elements"),
+        (parted(elements=np.array([0, 1])), "entry"),
+        (parted(charged=np.array([3])), "charged"),
+        (parted(charged=np.array([-1])), "charged"),
+        (parted(charged=np.array([0])), "cover an element"),
+        (parted(charged=np.array([2, 1]), charge=np.array([1, 1])), "charged"),
+        (parted(charged=NONE), "charges"),
+        (parted(charge=np.array([2**55])), "2\\^55"),
+        (parted(charge=np.array([-(2**63)])), "2\\^55"),
+        (parted(proof=ZERO), "entry"),
+        (parted(proof=Split(element=0, count=1, few=PART.proof, many=PART.proof)), "split"),
+        (swept(order=np.array([0])), "order"),
+        (swept(order=np.array([0, 0])), "order"),
+        (swept(order=np.array([0, 2])), "order"),
+        (swept(entry=ZERO.entry[1:]), "entry"),
+        (swept(entry=np.array([2**55, 0, 0, 0])), "2\\^55"),
+        (swept(limit=2**60), "limit"),
     ],
 )
 def test_what_is_no_certificate_is_refused(certificate: Certificate, where: str) -> None:
@@ -202,6 +388,13 @@ def made(units: object = 10, proof: object = ZERO) -> Any:
         made(proof=Split(element=cast(Any, "0"), count=1, few=ZERO, many=ZERO)),
         made(proof=Split(element=0, count=cast(Any, 1.5), few=ZERO, many=ZERO)),
         made(proof=Split(element=0, count=1, few=ZERO, many=cast(Any, []))),
+        made(proof=Parts(parts=cast(Any, [PART]))),
+        made(proof=Parts(parts=(cast(Any, None),))),
+        made(proof=Parts(parts=cast(Any, None))),
+        made(proof=replace(SWEEP, limit=cast(Any, 1.5))),
+        made(proof=replace(SWEEP, order=cast(Any, [0, 1]))),
+        made(proof=Parts(parts=(replace(PART, charged=cast(Any, None)),))),
+        made(proof=Parts(parts=(replace(PART, elements=np.array([1.0])),))),
     ],
     ids=lambda certificate: type(getattr(certificate, "proof", 0)).__name__,
 )
@@ -226,6 +419,52 @@ def test_a_certificate_survives_its_file() -> None:
     assert again.proof.many.unit.tolist() == [0, 5]
     with pytest.raises(InvalidResult, match="certificate"):
         decode(encode(result).replace(b'"units": 7', b'"units": 0'))
+
+
+def test_parts_and_sweeps_survive_their_file() -> None:
+    inner = replace(PART, proof=Sweep(entry=np.array([4, -2]), order=np.array([1]), limit=None))
+    outer = Split(element=0, count=1, few=SWEEP, many=Parts(parts=(PART, inner)))
+    certificate = Certificate(units=7, scale=9, proof=outer)
+    result = replace(pscover.solve(GOOD, backend="greedy"), certificate=certificate)
+    text = encode(result)
+    again = decode(text)
+    assert encode(again) == text
+    assert again.certificate is not None
+    assert again.certificate.leaves == 3
+    assert certified_bound(GOOD, again.certificate) == certified_bound(GOOD, certificate)
+    proof = again.certificate.proof
+    assert isinstance(proof, Split)
+    assert isinstance(proof.few, Sweep)
+    assert isinstance(proof.many, Parts)
+    assert (proof.few.limit, proof.few.order.tolist()) == (3, [1, 0])
+    one, other = proof.many.parts
+    assert (one.elements.tolist(), one.charged.tolist(), one.charge.tolist()) == ([1], [2], [5])
+    assert isinstance(other.proof, Sweep)
+    assert other.proof.limit is None
+
+
+def test_files_of_parts_that_are_none_are_refused() -> None:
+    certificate = Certificate(units=7, scale=9, proof=Parts(parts=(PART,)))
+    text = encode(replace(pscover.solve(GOOD, backend="greedy"), certificate=certificate))
+    whole = json.loads(text)
+    for change in (
+        lambda proof: proof.update(parts=[]),
+        lambda proof: proof["parts"][0].update(elements="1"),
+        lambda proof: proof["parts"][0].update(charge=[2**60]),
+        lambda proof: proof["parts"][0].update(more=1),
+        lambda proof: proof["parts"][0].pop("charged"),
+        lambda proof: proof.update(type="part"),
+    ):
+        broken = copy.deepcopy(whole)
+        change(broken["certificate"]["proof"])
+        with pytest.raises(InvalidResult, match="certificate"):
+            decode(json.dumps(broken).encode())
+    many = copy.deepcopy(whole)
+    for _ in range(MOST_DEPTH + 1):
+        part = {"elements": [1], "charged": [], "charge": [], "proof": many["certificate"]["proof"]}
+        many["certificate"]["proof"] = {"type": "parts", "parts": [part]}
+    with pytest.raises(InvalidResult, match="within each other"):
+        decode(json.dumps(many).encode())
 
 
 def _wait_for_kernels() -> None:

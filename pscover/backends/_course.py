@@ -98,16 +98,15 @@ class Course:
         finally:
             if self.beside is not None:
                 self.beside.dismiss()
-        if any(block.is_infeasible for block in self.blocks):
-            return session.answer(Status.INFEASIBLE)
         return self._certified()
 
     def _certified(self) -> Answer:
-        """The answer, with what proves the bound as far as prices do."""
+        """The answer, with what proves it as far as a certificate can."""
         from pscover.engine.certify import of_blocks
 
         session = self.session
-        answer = session.answer(Status.OPTIMAL if session.is_proven() else Status.UNKNOWN)
+        status = Status.OPTIMAL if session.is_proven() else Status.UNKNOWN
+        answer = session.answer(Status.INFEASIBLE if any(block.is_infeasible for block in self.blocks) else status)
         return replace(answer, certificate=of_blocks(self.form, self.reduced, self.blocks, certifying(session)))
 
     def at_once(self) -> Answer | None:
@@ -124,7 +123,7 @@ class Course:
                 if block.work > most or session.seconds - began > part * left:
                     return None
             if block.is_infeasible:
-                return session.answer(Status.INFEASIBLE)
+                break
             if block.is_open and not session.over():
                 return None
         return self._certified()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from pscover import isolate
+from pscover.certificate import Certificate, refutation
 from pscover.clock import Clock
 from pscover.errors import Refused
 from pscover.model import CoverForm, Model, as_cover
@@ -81,8 +82,9 @@ class Auto:
             form = as_cover(model)
         except Refused:
             return _by_highs(session, settings.start)
-        if len(hopeless_rows(form)):
-            return session.answer(Status.INFEASIBLE)
+        hopeless = hopeless_rows(form)
+        if len(hopeless):
+            return replace(session.answer(Status.INFEASIBLE), certificate=refutation(form.W, hopeless[:1].tolist()))
         answer = self._at_once(form, session)
         if answer is not None:
             return answer
@@ -92,7 +94,7 @@ class Auto:
             return replace(session.answer(status), certificate=opening.certificate())
         reduced = presolve(form, over=_for_at_most(PRESOLVE * session.left, session))
         if reduced.status is Outcome.INFEASIBLE:
-            return session.answer(Status.INFEASIBLE)
+            return replace(session.answer(Status.INFEASIBLE), certificate=_refuted(form, reduced.infeasible_row))
         from pscover.engine.problem import several
 
         if several(reduced.form) is not None:
@@ -117,6 +119,17 @@ class Auto:
         if not is_large:
             return course.at_once()
         return course.answer() if course.falls_apart else None
+
+
+def _refuted(form: CoverForm, row: int | None) -> Certificate | None:
+    """A certificate that a row cannot be met together with those that it shares candidates with."""
+    if row is None:
+        return None
+    W = csr_array(form.W)
+    mine = np.zeros(len(form.c), dtype=np.bool_)
+    mine[W.indices[W.indptr[row] : W.indptr[row + 1]]] = True
+    near = np.flatnonzero(W @ mine.astype(np.float64))
+    return refutation(W, [row, *near[near != row].tolist()])
 
 
 def _without_replaced(form: CoverForm) -> Reduced:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pscover.certificate import refutation
 from pscover.model import CoverForm, Model, as_cover
 from pscover.result import Answer, Observer, Settings, Status
 
@@ -67,8 +68,9 @@ class Lagrangian:
 
         session = Session(model, settings, observe)
         form = as_cover(model)
-        if len(hopeless_rows(form)):
-            return session.answer(Status.INFEASIBLE)
+        hopeless = hopeless_rows(form)
+        if len(hopeless):
+            return replace(session.answer(Status.INFEASIBLE), certificate=refutation(form.W, hopeless[:1].tolist()))
         session.bounded(model.offset + dual_bound(form))
         start = None if settings.start is None else feasible_start(form, settings.start)
         if start is None and (not warming().is_done or several(form) is not None):
@@ -77,9 +79,8 @@ class Lagrangian:
             session.plan(start, float(form.c[start].sum()) + model.offset)
         is_ready = several(form) is None and not session.is_proven() and await_kernels(session)
         block = self._improve(form, session, start) if is_ready else None
-        if block is not None and block.is_infeasible:
-            return session.answer(Status.INFEASIBLE)
-        answer = session.answer(Status.OPTIMAL if session.is_proven() else Status.UNKNOWN)
+        status = Status.OPTIMAL if session.is_proven() else Status.UNKNOWN
+        answer = session.answer(Status.INFEASIBLE if block is not None and block.is_infeasible else status)
         if block is None:
             return answer
         from pscover.engine.certify import of_blocks, unreduced

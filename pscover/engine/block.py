@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from pscover.model import CoverForm, Model, model_of
 from pscover.presolve import fix_by_reduced_cost, lagrangian
 
-from .certify import Account, Fork, Paid, forked
+from .certify import SWEPT, Account, Known
 from .problem import IntArray, Problem, problem_of
 from .rowwise import STEPS as TAKEN
 from .sweep import Sweep, worth
@@ -419,13 +419,22 @@ class Block:
         self.hunt = self.branching = self.sweep = self._resting = None
         self._swept = 0
 
-    def priced(self, rows: NDArray[np.int64], seconds: float) -> Paid | Fork | None:
-        """What its rows, which are these in the whole, pay for its candidates, improved for so long; None if nothing."""
+    def known(self, rows: NDArray[np.int64], seconds: float) -> Known:
+        """What is known of it, whose rows are these in the whole; better prices are looked for so long if it takes them."""
+        account, order = self._account, None
         if self.multipliers is not None and len(self.kept):
-            self._account.note(self._numbers(), self.multipliers.kept, self.shares)
-        columns = self.columns.astype(np.int64)
-        splits = self._account.improve(self.cost, self.step, seconds) if math.isfinite(self.cost) else None
-        return self._account.paid(rows, columns) if splits is None else forked(splits.root, rows, columns)
+            account.note(self._numbers(), self.multipliers.kept, self.shares)
+        is_swept = self.sweep is not None and not self.sweep.has_given_up
+        if math.isfinite(self.cost) and (is_swept or not self.is_open):
+            is_priced = not is_swept and account.improve(self.cost, self.step, seconds)
+            if is_priced or is_swept or len(self.problem.lines) <= SWEPT:
+                order = np.arange(len(rows)) if is_priced else self.order()
+        paid = account.paid(rows, self.columns.astype(np.int64))
+        return Known(rows=rows, paid=paid, order=None if order is None else rows[order], limit=self.bound - self.step)
+
+    def order(self) -> NDArray[np.int64]:
+        """Its rows in the order of a sweep."""
+        return self._account.order()
 
     def _numbers(self) -> IntArray:
         """The candidates kept, among those that there were at first."""

@@ -1,23 +1,28 @@
-"""From what engines know of a reduced form to prices of the whole one, as a certificate has them."""
+"""From what engines know of a reduced form to a certificate about the whole one."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, csr_array
 
-from pscover.certificate import Certificate, Prices, Split
+from pscover.certificate import Certificate, refutation
 from pscover.model import CoverForm
 from pscover.presolve import Outcome, Reduced
+from pscover.proof import Part, Parts, Prices, Proof, Sweep
 
 from . import rowwise, subgradient
+from .forced import Forced
 from .problem import IntArray, Problem
+from .route import along
 from .rowwise import Shares, shares
-from .splits import Part, Splits
 
 if TYPE_CHECKING:
     from .block import Block
@@ -29,18 +34,26 @@ UNITS = 480
 """Units of a demand: a multiple of those that engines use."""
 DIGITS = 2**20
 """Prices are rounded down to such a part of the mean cost, or less."""
-LIMIT = 2.0**57
+LIMIT = 2.0**53
 """Prices add up to less, as whole numbers."""
+MOST = 400_000
+"""Most entries of a form that gets a certificate."""
+SWEPT = 12_000
+"""Most entries of a block for which a sweep is asked for where none has brought the proof."""
+STEPS = 10
+"""Steps between two looks at the clock."""
+SETTLED = 2e-3
+"""Steps shorter than this bring nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Paid:
-    """What the rows of a part of a reduced form pay for its candidates.
+    """What the rows of a block pay for its candidates.
 
     Parameters
     ----------
     row, column
-        Of each entry, in the reduced form.
+        Of each entry, in the block.
     price
         Of each entry.
     """
@@ -51,21 +64,25 @@ class Paid:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fork:
-    """A split on how many candidates of a row of the reduced form a plan has: at most `count`, or more."""
+class Known:
+    """What is known of a block, in numbers of the reduced form.
 
-    row: int
-    count: int
-    few: Paid | Fork
-    many: Paid | Fork
+    Parameters
+    ----------
+    rows
+        Its rows, rising.
+    paid
+        Prices, if there are any.
+    order
+        In which order a sweep goes through its rows; None where prices alone are to bound its cost.
+    limit
+        More than this is what a sweep is to show that plans cost.
+    """
 
-
-STEPS = 10
-"""Steps between two looks at the clock."""
-SETTLED = 2e-3
-"""Steps shorter than this bring nothing."""
-LEAVES = 32
-"""Most sets of prices in a certificate."""
+    rows: LongArray
+    paid: Paid | None
+    order: LongArray | None
+    limit: float
 
 
 class Account:
@@ -95,17 +112,17 @@ class Account:
             now = self.kept[kept][better.candidate] * rows + _row(better)
             self._paid.price[np.searchsorted(known, now)] = better.kept
 
-    def improve(self, cost: float, step: float, seconds: float) -> Splits | None:
-        """Look for better prices for so long: until their bound, lifted to a multiple of the step, is this cost.
+    def improve(self, cost: float, step: float, seconds: float) -> bool:
+        """Look for better prices for so long, or until their bound, lifted to a multiple of the step, is this cost.
 
         Returns
         -------
-        Splits or None
-            If it takes splits.
+        bool
+            Whether it is.
         """
         end = perf_counter() + seconds
         if perf_counter() >= end or not len(self._problem.lines):
-            return None
+            return False
         rough = subgradient.multipliers(self._problem)
         while self._paid is None and perf_counter() < end - seconds / 2 and rough.value[subgradient.LENGTH] > SETTLED:
             subgradient.ascend(self._problem, rough, STEPS, cost)
@@ -123,12 +140,7 @@ class Account:
             if rowwise.improve(self._problem, better, STEPS, cost) > enough:
                 break
         self.note(np.arange(len(self.kept), dtype=np.int32), rough.kept, better)
-        if better.value[rowwise.BOUND] > enough or not np.isfinite(better.value[rowwise.BOUND]):
-            return None
-        splits = Splits(self._problem, self.kept.astype(np.int32), better, cost, step)
-        while perf_counter() < end and splits.bound <= enough and len(splits.leaves) < LEAVES and splits.turn():
-            pass
-        return splits if splits.bound > enough else None
+        return bool(better.value[rowwise.BOUND] > enough)
 
     def paid(self, rows: LongArray, columns: LongArray) -> Paid | None:
         """The prices, for rows and candidates as they are numbered in the whole; None if none were taken."""
@@ -136,14 +148,15 @@ class Account:
             return None
         return Paid(row=rows[self._paid.row], column=columns[self._paid.column], price=self._paid.price)
 
-
-def forked(part: Part, rows: LongArray, columns: LongArray) -> Paid | Fork:
-    """The prices of all parts of a split, numbered likewise."""
-    if part.few is not None and part.many is not None:
-        few, many = (forked(one, rows, columns) for one in (part.few, part.many))
-        return Fork(row=int(rows[part.row]), count=part.count, few=few, many=many)
-    column = part.kept[part.priced.candidate]
-    return Paid(row=rows[_row(part.priced)], column=columns[column], price=part.priced.kept)
+    def order(self) -> LongArray:
+        """Its rows in the order of a sweep."""
+        problem = self._problem
+        row = np.repeat(np.arange(problem.rows), np.diff(problem.rptr))
+        pairs = np.unique(problem.homes[problem.lines["candidate"]] * problem.rows + row)
+        home, held = np.divmod(pairs, problem.rows)
+        starts = [*np.flatnonzero(np.diff(home, prepend=-1)).tolist(), len(held)]
+        every = held.tolist()
+        return np.array(along([every[a:b] for a, b in pairwise(starts)], problem.rows), dtype=np.int64)
 
 
 def _row(priced: Shares) -> LongArray:
@@ -166,12 +179,30 @@ def unreduced(form: CoverForm) -> Reduced:
     )
 
 
-def certificate(form: CoverForm, reduced: Reduced, parts: list[Paid | Fork]) -> Certificate | None:
-    """A certificate of what the prices of the parts prove of the form; None where numbers would be too large.
+def of_blocks(form: CoverForm, reduced: Reduced, blocks: list[Block], seconds: float) -> Certificate | None:
+    """A certificate of what is known of all blocks, or that one has no plan; None for forms too large to be told all.
 
-    A candidate that another stands in for has the prices of that one. A candidate that is in every plan is paid by the row
-    that needs it, and so are those of its clique that it replaces. The others of the clique, which no plan has, are made
-    dear in all rows, and it with them: what rows then pay too much for the clique is given back once.
+    Blocks whose best plan is proven without prices get so long for prices that prove it, or make a sweep shorter.
+    """
+    if form.W.nnz > MOST:
+        return None
+    W = csc_array(reduced.form.W)
+    end = perf_counter() + seconds
+    known = []
+    for block in blocks:
+        rows = np.unique(W[:, block.columns].indices).astype(np.int64)
+        if block.is_infeasible:
+            needed = Forced(Whole(form, reduced)).needed
+            return refutation(csr_array(form.W), [*reduced.rows[rows[block.order()]].tolist(), *needed])
+        known.append(block.known(rows, max(0.0, end - perf_counter())))
+    return certificate(form, reduced, known)
+
+
+def certificate(form: CoverForm, reduced: Reduced, blocks: list[Known]) -> Certificate | None:
+    """A certificate of what is known of the blocks; None where numbers would be too large.
+
+    Each block is a part. A candidate that another stands in for has the prices of that one. A candidate that is in every
+    plan is charged where the row that needs it is a part of its own, and is free in the others.
 
     Parameters
     ----------
@@ -179,49 +210,42 @@ def certificate(form: CoverForm, reduced: Reduced, parts: list[Paid | Fork]) -> 
         As the model has it: elements are its covering rows.
     reduced
         What presolve left of it.
-    parts
-        Prices of what is left, part by part.
+    blocks
+        All of it, or what has no plan.
     """
-    leaves = 1
-    for part in parts:
-        leaves *= _leaves(part)
-    if leaves > LEAVES:
-        parts = [_first(part) for part in parts]
-    W = csc_array(form.W)
-    W.sort_indices()
-    scale = _scale(form.c, W.nnz)
-    proof = None if scale is None else _proof(form, W, reduced, parts, scale)
-    return None if proof is None or scale is None else Certificate(units=UNITS, scale=scale, proof=proof)
-
-
-def _leaves(part: Paid | Fork) -> int:
-    return 1 if isinstance(part, Paid) else _leaves(part.few) + _leaves(part.many)
-
-
-def _first(part: Paid | Fork) -> Paid:
-    """One set of prices of a part: as good as any where splits are too many."""
-    while isinstance(part, Fork):
-        part = part.many
-    return part
-
-
-def _proof(form: CoverForm, W: csc_array, reduced: Reduced, parts: list[Paid | Fork], scale: int) -> Prices | Split | None:
-    for k, part in enumerate(parts):
-        if isinstance(part, Fork):
-            few, many = (
-                _proof(form, W, reduced, [*parts[:k], side, *parts[k + 1 :]], scale) for side in (part.few, part.many)
-            )
-            if few is None or many is None:
-                return None
-            return Split(element=int(reduced.rows[part.row]), count=part.count, few=few, many=many)
-    owner = np.repeat(np.arange(W.shape[1]), np.diff(W.indptr))
-    price = _inherited(W, owner, reduced, [part for part in parts if isinstance(part, Paid)])
-    lost = (reduced.stand_in[owner] < 0) & ~np.isin(owner, reduced.forced)
-    price[lost] = (form.c / np.maximum(np.diff(W.indptr), 1))[owner[lost]]
-    _pay_forced(form, W, owner, reduced, lost, price)
-    if float(np.abs(price).sum()) * scale >= LIMIT:
+    scale = _scale(form.c, form.W.nnz)
+    if scale is None:
         return None
-    return Prices(entry=np.floor(price * scale).astype(np.int64), unit=np.zeros(W.shape[0], dtype=np.int64))
+    whole = Whole(form, reduced)
+    forced = Forced(whole)
+    left, parts = form.c.copy(), forced.parts(scale)
+    for part in parts:
+        left[part.charged] -= part.charge / scale
+    for elements, entries, price, block in whole.divided(blocks):
+        charged, charge = forced.charges(entries)
+        owner = whole.owner[entries]
+        cost = left.copy()
+        cost[charged] = charge
+        share = cost[owner] / np.bincount(owner)[owner]
+        left[owner] = left[owner] - cost[owner]
+        entry = np.floor(np.where(np.isnan(price) | np.isin(owner, charged), share, price) * scale)
+        if float(np.abs(entry).sum() + charge.sum() * scale) >= LIMIT:
+            return None
+        proof = _proof(reduced, block, entry.astype(np.int64), scale)
+        parts.append(Part(elements=elements, charged=charged, charge=_times(charge, scale), proof=proof))
+    return Certificate(units=UNITS, scale=scale, proof=Parts(parts=tuple(parts))) if parts else None
+
+
+def _proof(reduced: Reduced, block: Known, entry: LongArray, scale: int) -> Proof:
+    if block.order is None:
+        return Prices(entry=entry, unit=np.zeros(len(block.rows), dtype=np.int64))
+    limit = math.floor(block.limit * scale) + 1
+    return Sweep(entry=entry, order=reduced.rows[block.order].astype(np.int64), limit=limit)
+
+
+def _times(charge: FloatArray, scale: int) -> LongArray:
+    """Charges as whole numbers, rounded as costs are."""
+    return np.floor(charge * scale).astype(np.int64)
 
 
 def _scale(cost: FloatArray, entries: int) -> int | None:
@@ -232,136 +256,46 @@ def _scale(cost: FloatArray, entries: int) -> int | None:
     return int(2.0 ** np.floor(np.log2(scale))) if scale >= 1.0 else None
 
 
-def of_blocks(form: CoverForm, reduced: Reduced, blocks: list[Block], seconds: float) -> Certificate | None:
-    """A certificate of what the prices of all blocks prove; None for forms too large to be told all.
+class Whole:
+    """A form by its entries, column by column, and what presolve left of it."""
 
-    Blocks whose best plan is proven without prices get so long for prices, and splits, that prove it.
-    """
-    if form.W.nnz > MOST:
-        return None
-    W = csc_array(reduced.form.W)
-    end = perf_counter() + seconds
-    parts = []
-    for block in blocks:
-        rows = np.unique(W[:, block.columns].indices).astype(np.int64)
-        part = block.priced(rows, 0.0 if block.is_open else max(0.0, end - perf_counter()))
-        if part is not None:
-            parts.append(part)
-    return certificate(form, reduced, parts)
+    def __init__(self, form: CoverForm, reduced: Reduced) -> None:
+        self.form, self.reduced = form, reduced
+        self.W = csc_array(form.W)
+        self.W.sort_indices()
+        self.owner = np.repeat(np.arange(self.W.shape[1]), np.diff(self.W.indptr))
 
+    def divided(self, blocks: list[Known]) -> Iterator[tuple[LongArray, LongArray, FloatArray, Known]]:
+        """For each block its elements, entries and what is known of their prices, else NaN."""
+        label = np.full(self.W.shape[0], -1, dtype=np.int64)
+        for k, block in enumerate(blocks):
+            label[self.reduced.rows[block.rows]] = k
+        labels = label[self.W.indices]
+        order = np.argsort(labels, kind="stable")
+        starts = np.searchsorted(labels[order], np.arange(len(blocks) + 1))
+        price = self._inherited([block.paid for block in blocks if block.paid is not None])
+        for block, (a, b) in zip(blocks, pairwise(starts.tolist()), strict=True):
+            entries = order[a:b]
+            yield self.reduced.rows[block.rows].astype(np.int64), entries, price[entries], block
 
-MOST = 400_000
-"""Most entries of a form that gets a certificate."""
-
-
-def _inherited(W: csc_array, owner: LongArray, reduced: Reduced, parts: list[Paid]) -> FloatArray:
-    """The price of each entry of W, by column: that of the entry that stands in for it, 0 where there is none."""
-    rows, columns = len(reduced.rows), len(reduced.columns)
-    price = np.zeros(W.nnz)
-    if not parts:
+    def _inherited(self, parts: list[Paid]) -> FloatArray:
+        """The price of each entry: that of the entry that stands in for it, NaN where there is none."""
+        reduced = self.reduced
+        rows, columns = len(reduced.rows), len(reduced.columns)
+        price = np.full(self.W.nnz, np.nan)
+        if not parts:
+            return price
+        known = np.concatenate([part.column * rows + part.row for part in parts])
+        paid = np.concatenate([part.price for part in parts])
+        order = np.argsort(known)
+        known, paid = known[order], paid[order]
+        row = np.full(self.W.shape[0], -1, dtype=np.int64)
+        row[reduced.rows] = np.arange(rows)
+        column = np.full(self.W.shape[1] + 1, -1, dtype=np.int64)
+        column[reduced.columns] = np.arange(columns)
+        mine, its = column[reduced.stand_in[self.owner]], row[self.W.indices]
+        inside = np.flatnonzero((mine >= 0) & (its >= 0))
+        key = mine[inside] * rows + its[inside]
+        at = np.minimum(np.searchsorted(known, key), len(known) - 1)
+        price[inside] = np.where(known[at] == key, paid[at], 0.0)
         return price
-    known = np.concatenate([part.column * rows + part.row for part in parts])
-    paid = np.concatenate([part.price for part in parts])
-    order = np.argsort(known)
-    known, paid = known[order], paid[order]
-    row = np.full(W.shape[0], -1, dtype=np.int64)
-    row[reduced.rows] = np.arange(rows)
-    column = np.full(W.shape[1] + 1, -1, dtype=np.int64)
-    column[reduced.columns] = np.arange(columns)
-    mine, its = column[reduced.stand_in[owner]], row[W.indices]
-    inside = np.flatnonzero((mine >= 0) & (its >= 0))
-    key = mine[inside] * rows + its[inside]
-    at = np.minimum(np.searchsorted(known, key), len(known) - 1)
-    price[inside] = np.where(known[at] == key, paid[at], 0.0)
-    return price
-
-
-def _pay_forced(
-    form: CoverForm, W: csc_array, owner: LongArray, reduced: Reduced, lost: NDArray[np.bool_], price: FloatArray
-) -> None:
-    """Prices of the candidates in every plan, of their cliques, and of lost ones that cover what they cover."""
-    if not len(reduced.forced):
-        return
-    group = _home(form)
-    # More than rows pay for what is any use to them.
-    dear = 2 * float(form.c.max())
-    kept = np.isin(np.arange(W.shape[0]), reduced.rows)
-    blocked = {}
-    for i in reduced.forced.tolist():
-        peers = np.flatnonzero(group == group[i])
-        blocked[i] = peers[~_replaced(W, peers, i, kept)]
-    need = _needs(W, owner, group, blocked)
-    for j in need.values():
-        _pay_alike(W, owner, lost & (_in_row(W, j) > 0)[owner], j, form.c, price)
-    for i, j in need.items():
-        spots = np.flatnonzero(np.isin(owner, blocked[i]))
-        price[spots] = dear
-        excess = dear * np.bincount(owner[spots], minlength=len(group))[blocked[i]] - form.c[blocked[i]]
-        same = np.isin(owner, np.setdiff1d(np.flatnonzero(group == group[i]), blocked[i]))
-        price[same] = 0.0
-        price[same & (W.indices == j)] = form.c[i] + max(0.0, float(excess.max(initial=0.0)))
-
-
-def _needs(W: csc_array, owner: LongArray, group: LongArray, blocked: dict[int, LongArray]) -> dict[int, int]:
-    """The row that needs each candidate of every plan; what is blocked but would do as well is blocked no longer."""
-    while True:
-        out = np.isin(np.arange(len(group)), np.concatenate(list(blocked.values())))
-        need, wrong = {}, []
-        for i, others in blocked.items():
-            need[i], missing = _neediest(W, owner, np.where(out, -1, group), group[i], i)
-            if len(others) and missing <= _in_row(W, need[i])[others].max() + 1e-9:
-                wrong.append(i)
-        for i in wrong:
-            blocked[i] = blocked[i][:0]
-        if not wrong:
-            return need
-
-
-def _pay_alike(
-    W: csc_array, owner: LongArray, which: NDArray[np.bool_], j: int, cost: FloatArray, price: FloatArray
-) -> None:
-    """Let row j alone pay for candidates of no further use: what else they cover is met by those that every plan has."""
-    price[which] = 0.0
-    here = which & (W.indices == j)
-    price[here] = cost[owner[here]]
-
-
-def _replaced(W: csc_array, peers: LongArray, i: int, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which peers candidate i replaces, itself among them: it is at least as large in all rows that are kept."""
-    most = np.zeros(W.shape[0])
-    most[W.indices[W.indptr[i] : W.indptr[i + 1]]] = W.data[W.indptr[i] : W.indptr[i + 1]]
-    part = csc_array(W[:, peers])
-    larger = kept[part.indices] & (part.data > most[part.indices])
-    return ~np.isin(np.arange(len(peers)), np.repeat(np.arange(len(peers)), np.diff(part.indptr))[larger])
-
-
-def _in_row(W: csc_array, j: int) -> FloatArray:
-    """The entries of a row, one a candidate."""
-    entry = np.zeros(W.shape[1])
-    spots = np.flatnonzero(W.indices == j)
-    entry[np.searchsorted(W.indptr, spots, side="right") - 1] = W.data[spots]
-    return entry
-
-
-def _home(form: CoverForm) -> LongArray:
-    """The group of each candidate: the largest of its packing rows, or itself."""
-    P = form.P
-    sizes = np.diff(P.indptr)
-    row = np.repeat(np.arange(P.shape[0]), sizes)
-    order = np.argsort(sizes[row], kind="stable")
-    group = np.arange(P.shape[0], P.shape[0] + P.shape[1])
-    group[P.indices[order]] = row[order]
-    return group
-
-
-def _neediest(W: csc_array, owner: LongArray, group: LongArray, own: int, i: int) -> tuple[int, float]:
-    """The row of candidate i that other groups than its own leave most to, and how much; -1 is no group."""
-    rows = W.indices[W.indptr[i] : W.indptr[i + 1]]
-    found, missing = -1, -np.inf
-    for j in rows.tolist():
-        spots = np.flatnonzero((W.indices == j) & (group[owner] != own) & (group[owner] >= 0))
-        most = np.zeros(int(group.max()) + 1)
-        np.maximum.at(most, group[owner[spots]], W.data[spots])
-        if 1.0 - most.sum() > missing:
-            found, missing = j, 1.0 - float(most.sum())
-    return found, missing

@@ -139,18 +139,10 @@ def _places(rows_of: list[list[int]], rows: int) -> tuple[IntArray, NDArray[np.b
 def _order(rows_of: list[list[int]], rows: int) -> list[int]:
     """Cliques by the row that they come with: what lies at the front already first, what only this row has last."""
     of: list[list[int]] = [[] for _ in range(rows)]
-    near = [0] * rows
     for g, held in enumerate(rows_of):
-        together = sum(1 << i for i in held)
         for j in held:
             of[j].append(g)
-            near[j] |= together
-    starts = sorted(range(rows), key=lambda j: near[j].bit_count())[:STARTS]
-    least, best = np.inf, list(range(rows))
-    for start in starts:
-        score, found = _from(near, start, least)
-        if score < least:
-            least, best = score, found
+    best = along(rows_of, rows)
     place = {j: k for k, j in enumerate(best)}
     order: dict[int, None] = {}
     for j in best:
@@ -158,6 +150,22 @@ def _order(rows_of: list[list[int]], rows: int) -> list[int]:
             dict.fromkeys(sorted(of[j], key=lambda g: (len(rows_of[g]) == 1, max(place[i] for i in rows_of[g]), g)))
         )
     return list(order)
+
+
+def along(rows_of: list[list[int]], rows: int) -> list[int]:
+    """Rows in an order in which few of them are at the front at a time; those of each clique are given."""
+    near = [0] * rows
+    for held in rows_of:
+        together = sum(1 << i for i in held)
+        for j in held:
+            near[j] |= together
+    starts = sorted(range(rows), key=lambda j: near[j].bit_count())[:STARTS]
+    least, best = np.inf, list(range(rows))
+    for start in starts:
+        score, found = _from(near, start, least)
+        if score < least:
+            least, best = score, found
+    return best
 
 
 def _from(near: list[int], start: int, most: float) -> tuple[float, list[int]]:

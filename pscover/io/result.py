@@ -17,12 +17,13 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from pscover.certificate import MOST_COUNT, MOST_DEPTH, MOST_SCALE, Certificate, Prices, Split
+from pscover.certificate import MOST_SCALE, Certificate
 from pscover.errors import InvalidResult, InvalidSettings
 from pscover.files import TEXT_LIMIT, read_bytes, write_bytes
 from pscover.infeasibility import Diagnosis, Unmet, Unreachable
 from pscover.instance import INDEX_LIMIT
 from pscover.io.documents import Versions
+from pscover.proof import MOST_COUNT, MOST_DEPTH, Part, Parts, Prices, Proof, Split, Sweep
 from pscover.relaxation import HUGE, MOST_UNITS
 from pscover.result import Progress, Result, Settings, Status, Stop, Timing
 
@@ -96,13 +97,39 @@ class PricesV1(Struct, tag="prices", forbid_unknown_fields=True):
     unit: list[Whole]
 
 
+class SweepV1(Struct, tag="sweep", forbid_unknown_fields=True):
+    """Elements solved together, in an order; `limit` is the bound asked for, null for whether there is a plan."""
+
+    entry: list[Whole]
+    order: list[Index]
+    limit: Whole | None
+
+
 class SplitV1(Struct, tag="split", forbid_unknown_fields=True):
     """Plans with at most `count` candidates of an element, and plans with more."""
 
     element: Index
     count: Annotated[int, msgspec.Meta(ge=0, le=MOST_COUNT)]
-    few: PricesV1 | SplitV1
-    many: PricesV1 | SplitV1
+    few: ProofV1
+    many: ProofV1
+
+
+class PartV1(Struct, forbid_unknown_fields=True):
+    """Some elements, what is charged there for some candidates, and a proof for these elements alone."""
+
+    elements: Sorted
+    charged: Sorted
+    charge: list[Whole]
+    proof: ProofV1
+
+
+class PartsV1(Struct, tag="parts", forbid_unknown_fields=True):
+    """Elements divided: the bounds of all parts add up."""
+
+    parts: Annotated[list[PartV1], msgspec.Meta(min_length=1)]
+
+
+ProofV1 = PricesV1 | SweepV1 | SplitV1 | PartsV1
 
 
 class CertificateV1(Struct, forbid_unknown_fields=True):
@@ -110,7 +137,7 @@ class CertificateV1(Struct, forbid_unknown_fields=True):
 
     units: Annotated[int, msgspec.Meta(ge=1, le=MOST_UNITS)]
     scale: Annotated[int, msgspec.Meta(ge=1, le=MOST_SCALE)]
-    proof: PricesV1 | SplitV1
+    proof: ProofV1
 
 
 class ResultV1(Struct, tag_field="schema", tag="pscover.result/1", forbid_unknown_fields=True):
@@ -299,14 +326,32 @@ def _certificate(given: CertificateV1, source: str | Path) -> Certificate:
     return Certificate(units=given.units, scale=given.scale, proof=_proof(given.proof, source, 0))
 
 
-def _proof(given: PricesV1 | SplitV1, source: str | Path, depth: int) -> Prices | Split:
+def _proof(given: ProofV1, source: str | Path, depth: int) -> Proof:
     if isinstance(given, PricesV1):
-        entry, unit = (np.array(values, dtype=np.int64) for values in (given.entry, given.unit))
-        return Prices(entry=_frozen(entry), unit=_frozen(unit))
+        return Prices(entry=_whole(given.entry), unit=_whole(given.unit))
+    if isinstance(given, SweepV1):
+        return Sweep(entry=_whole(given.entry), order=_whole(given.order), limit=given.limit)
     if depth >= MOST_DEPTH:
-        raise InvalidResult(f"{source}: $.certificate: expected at most {MOST_DEPTH} splits within each other, got more")
-    few, many = (_proof(part, source, depth + 1) for part in (given.few, given.many))
-    return Split(element=given.element, count=given.count, few=few, many=many)
+        raise InvalidResult(
+            f"{source}: $.certificate: expected at most {MOST_DEPTH} splits and parts within each other, got more"
+        )
+    if isinstance(given, SplitV1):
+        few, many = (_proof(side, source, depth + 1) for side in (given.few, given.many))
+        return Split(element=given.element, count=given.count, few=few, many=many)
+    return Parts(parts=tuple(_part(part, source, depth + 1) for part in given.parts))
+
+
+def _part(given: PartV1, source: str | Path, depth: int) -> Part:
+    return Part(
+        elements=_whole(given.elements),
+        charged=_whole(given.charged),
+        charge=_whole(given.charge),
+        proof=_proof(given.proof, source, depth),
+    )
+
+
+def _whole(given: list[int]) -> NDArray[np.int64]:
+    return _frozen(np.array(given, dtype=np.int64))
 
 
 def _certified(certificate: Certificate) -> dict[str, Any]:
@@ -315,13 +360,30 @@ def _certified(certificate: Certificate) -> dict[str, Any]:
     return {"units": certificate.units, "scale": certificate.scale, "proof": _proven(certificate.proof)}
 
 
-def _proven(proof: Prices | Split) -> dict[str, Any]:
+def _proven(proof: Proof) -> dict[str, Any]:
     if isinstance(proof, Prices):
-        return {"type": "prices", "entry": np.asarray(proof.entry).tolist(), "unit": np.asarray(proof.unit).tolist()}
-    if not isinstance(proof, Split):
-        raise InvalidResult(f"certificate: proof: expected Prices or a Split, got {type(proof).__name__}")
-    parts = {"few": _proven(proof.few), "many": _proven(proof.many)}
-    return {"type": "split", "element": proof.element, "count": proof.count, **parts}
+        return {"type": "prices", "entry": _plain(proof.entry), "unit": _plain(proof.unit)}
+    if isinstance(proof, Sweep):
+        return {"type": "sweep", "entry": _plain(proof.entry), "order": _plain(proof.order), "limit": proof.limit}
+    if isinstance(proof, Split):
+        sides = {"few": _proven(proof.few), "many": _proven(proof.many)}
+        return {"type": "split", "element": proof.element, "count": proof.count, **sides}
+    if isinstance(proof, Parts) and isinstance(proof.parts, tuple):
+        return {"type": "parts", "parts": [_divided(part) for part in proof.parts]}
+    raise InvalidResult(f"certificate: proof: expected Prices, a Sweep, a Split or Parts, got {type(proof).__name__}")
+
+
+def _divided(part: Part) -> dict[str, Any]:
+    if not isinstance(part, Part):
+        raise InvalidResult(f"certificate: parts: expected a Part, got {type(part).__name__}")
+    numbers = {name: _plain(getattr(part, name)) for name in ("elements", "charged", "charge")}
+    return {**numbers, "proof": _proven(part.proof)}
+
+
+def _plain(array: Any) -> list[Any]:
+    if not isinstance(array, np.ndarray) or array.ndim != 1:
+        raise InvalidResult(f"certificate: expected NumPy arrays of numbers, got {type(array).__name__}")
+    return array.tolist()
 
 
 def _step(k: int, step: Progress) -> dict[str, Any]:
