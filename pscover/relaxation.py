@@ -159,7 +159,7 @@ def sizes(instance: Instance, units: int) -> tuple[LongArray, BoolArray]:
 
 
 def _amounts(instance: Instance) -> tuple[LongArray, LongArray]:
-    """What each entry supplies, at most all of the demand, rounded up, and each element's demand, rounded down, in fixed point."""
+    """What entries supply, at most all of the demand, rounded up, and what elements ask for, rounded down: fixed point."""
     p = instance.probability
     down, up = Context(prec=40, rounding=ROUND_FLOOR), Context(prec=40, rounding=ROUND_CEILING)
     one, binary = Decimal(1), Decimal(BINARY)

@@ -447,16 +447,16 @@ def test_files_of_parts_that_are_none_are_refused() -> None:
     certificate = Certificate(units=7, scale=9, proof=Parts(parts=(PART,)))
     text = encode(replace(pscover.solve(GOOD, backend="greedy"), certificate=certificate))
     whole = json.loads(text)
-    for change in (
-        lambda proof: proof.update(parts=[]),
-        lambda proof: proof["parts"][0].update(elements="1"),
-        lambda proof: proof["parts"][0].update(charge=[2**60]),
-        lambda proof: proof["parts"][0].update(more=1),
-        lambda proof: proof["parts"][0].pop("charged"),
-        lambda proof: proof.update(type="part"),
+    part = whole["certificate"]["proof"]["parts"][0]
+    for proof in (
+        {"type": "parts", "parts": []},
+        {"type": "part", "parts": [part]},
+        *({"type": "parts", "parts": [{**part, **more}]} for more in ({"elements": "1"}, {"charge": [2**60]}, {"x": 1})),
+        {"type": "parts", "parts": [{key: part[key] for key in part if key != "charged"}]},
+        {"type": "sweep", "entry": [1, 2], "order": [0, 1]},
     ):
         broken = copy.deepcopy(whole)
-        change(broken["certificate"]["proof"])
+        broken["certificate"]["proof"] = proof
         with pytest.raises(InvalidResult, match="certificate"):
             decode(json.dumps(broken).encode())
     many = copy.deepcopy(whole)

@@ -103,8 +103,8 @@ class Opening:
 
     def certificate(self) -> Certificate | None:
         """What proves the bound: what rows pay for a unit of their demand."""
-        from pscover.certificate import Prices
         from pscover.engine.certify import MOST
+        from pscover.proof import Prices
 
         nnz = self.form.W.nnz
         if nnz > MOST:

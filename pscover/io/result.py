@@ -383,7 +383,7 @@ def _divided(part: Part) -> dict[str, Any]:
 def _plain(array: Any) -> list[Any]:
     if not isinstance(array, np.ndarray) or array.ndim != 1:
         raise InvalidResult(f"certificate: expected NumPy arrays of numbers, got {type(array).__name__}")
-    return array.tolist()
+    return list(array.tolist())
 
 
 def _step(k: int, step: Progress) -> dict[str, Any]:
