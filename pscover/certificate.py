@@ -171,22 +171,25 @@ def common_step(instance: Instance) -> Fraction:
     return Fraction(reduce(math.gcd, (c.numerator * (bottom // c.denominator) for c in costs), 0), bottom)
 
 
-def refutation(W: csr_array, rows: Sequence[int]) -> Certificate:
-    """A certificate that no plan meets some covering rows, if that can be seen where they are swept in this order.
+def refutation(W: csr_array, choices: Sequence[Sequence[int]]) -> Certificate:
+    """A certificate that no plan meets the covering rows of some choice, if that can be seen from a sweep in their order.
 
     Examples
     --------
     >>> instance = Instance.of([[0.5, 0.5, 0.9], [0.5, 0.5, 0.0]], required=0.7, conflicts=[(0, 1)])
-    >>> certified_bound(instance, refutation(instance.probability.tocsr(), [1]))
+    >>> certified_bound(instance, refutation(instance.probability.tocsr(), [[1]]))
     inf
     """
-    order = np.array(rows, dtype=np.int64)
-    entries = np.concatenate([W.indices[W.indptr[j] : W.indptr[j + 1]] for j in order]).astype(np.int64)
-    charged = np.unique(entries)
-    sweep = Sweep(entry=np.zeros(len(entries), dtype=np.int64), order=order, limit=None)
-    # Free candidates: whatever needs no more of any element replaces the rest.
-    part = Part(elements=np.sort(order), charged=charged, charge=np.zeros(len(charged), dtype=np.int64), proof=sweep)
-    return Certificate(units=1, scale=1, proof=Parts(parts=(part,)))
+    parts = []
+    for rows in choices:
+        order = np.array(rows, dtype=np.int64)
+        entries = np.concatenate([W.indices[W.indptr[j] : W.indptr[j + 1]] for j in order]).astype(np.int64)
+        charged = np.unique(entries)
+        sweep = Sweep(entry=np.zeros(len(entries), dtype=np.int64), order=order, limit=None)
+        # Free candidates: whatever needs no more of any element replaces the rest.
+        free = np.zeros(len(charged), dtype=np.int64)
+        parts.append(Part(elements=np.sort(order), charged=charged, charge=free, proof=sweep))
+    return Certificate(units=1, scale=1, proof=Parts(parts=tuple(parts)))
 
 
 def _spread(proof: Proof, elements: LongArray, entries: LongArray, instance: Instance) -> Proof:

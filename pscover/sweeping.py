@@ -156,8 +156,7 @@ def _irreplaceable(size: LongArray, cost: LongArray) -> BoolArray:
         by &= column[:, None] <= column[None, :]
     # Of choices that are alike, the first stays.
     by &= ~(by.T & np.tri(len(cost), dtype=np.bool_).T)
-    replaced: BoolArray = by.any(axis=1)
-    return ~replaced
+    return np.asarray(~by.any(axis=1), dtype=np.bool_)
 
 
 def _stages(options: list[Options], asks: BoolArray) -> tuple[list[Stage], int]:

@@ -236,6 +236,11 @@ def _status(evidence: Evidence, formulation: Formulation, result: Result, certif
         return Check("status", Verdict.FAILED, f"the bound {result.bound:.10g} is above the plan's {objective:.10g}")
     if certified is not None and result.has_plan and certified >= evidence.value[0]:
         return Check("status", Verdict.PASSED, f"{claim}; proven optimal: the certified bound is the plan's objective")
+    if certified is not None and result.has_plan and _agree(evidence.value[0], float(certified)):
+        detail = (
+            f"{claim}; proven optimal to within {float(AGREEMENT):g}, to which the certified bound is the plan's objective"
+        )
+        return Check("status", Verdict.PASSED, detail)
     if result.status is not Status.OPTIMAL:
         return Check("status", Verdict.PASSED, claim)
     if formulation.relation is Relation.RESTRICTION:

@@ -164,9 +164,9 @@ def test_parts_share_a_candidate() -> None:
 def test_a_row_that_cannot_be_met_is_refuted() -> None:
     instance = Instance.of([[0.6, 0.6, 0.5], [0.9, 0.9, 0.9]], required=[0.85, 0.5], conflicts=[(0, 1)])
     rows = instance.probability.tocsr()
-    assert certified_bound(instance, refutation(rows, [0])) == math.inf
-    assert certified_bound(instance, refutation(rows, [1])) == 0
-    assert certified_bound(instance, refutation(rows, [1, 0])) == math.inf
+    assert certified_bound(instance, refutation(rows, [[0]])) == math.inf
+    assert certified_bound(instance, refutation(rows, [[1]])) == 0
+    assert certified_bound(instance, refutation(rows, [[1], [1, 0]])) == math.inf
 
 
 def test_a_sweep_ends_where_it_takes_too_much_work(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pscover.engine.problem import least_step as least_step
 from pscover.model import CoverForm
 
 from ._cover import Search, repair
@@ -15,27 +15,14 @@ from ._session import Session
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
-LONGEST, PART = 0.5, 0.1
-"""Seconds to improve a certificate, at most, and the part of what the proof took."""
+SHORTEST, LONGEST, PART = 0.02, 0.5, 0.1
+"""Seconds to improve a certificate, at least and at most, and the part of what the proof took."""
 PAUSE = 2e-3
 """Seconds between two looks at whether the kernels are ready."""
 MOST_LOADING = 5.0
 """Seconds that loading kernels takes at most, on a slow machine."""
 MOVES = 2000
 """Most repair moves in numpy."""
-
-
-def least_step(cost: FloatArray) -> float:
-    """The least by which two plans of different cost can differ: the greatest common divisor of whole costs, else 0.
-
-    Examples
-    --------
-    >>> least_step(np.array([4.0, 6.0])), least_step(np.array([1.0, 0.5]))
-    (2.0, 0.0)
-    """
-    if not len(cost) or (cost != np.round(cost)).any() or cost.max() > 2**52:
-        return 0.0
-    return float(math.gcd(*(int(c) for c in np.unique(cost))))
 
 
 def feasible_start(form: CoverForm, start: Iterable[int]) -> IntArray | None:
@@ -71,7 +58,7 @@ def are_loaded_within(seconds: float, session: Session) -> bool:
 
 def certifying(session: Session) -> float:
     """Seconds to look for more than the proof knows to certify its bound: a small part of what the proof took."""
-    return min(LONGEST, PART * session.seconds, session.left / 2)
+    return min(LONGEST, max(SHORTEST, PART * session.seconds), session.left / 2)
 
 
 def await_kernels(session: Session) -> bool:

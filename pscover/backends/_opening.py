@@ -102,13 +102,15 @@ class Opening:
             turn += 1
 
     def certificate(self) -> Certificate | None:
-        """What proves the bound: what rows pay for a unit of their demand."""
-        from pscover.engine.certify import MOST
+        """What proves the bound: what rows pay for a unit of their demand; a sweep by these prices where it is proven."""
+        from pscover.engine.certify import MOST, SWEPT, of_multipliers
         from pscover.proof import Prices
 
         nnz = self.form.W.nnz
         if nnz > MOST:
             return None
+        if nnz <= SWEPT and self.session.is_proven():
+            return of_multipliers(self.form, self.pricing.multipliers, self.cost - self.step)
         scale = 2.0 ** math.floor(math.log2(FINE / max(float(self.form.c.mean()), 1e-300)))
         unit = np.floor(self.pricing.multipliers / UNITS * scale)
         if not 1.0 <= scale <= 2.0**40 or float(unit.sum()) * UNITS >= MOST_PAID:

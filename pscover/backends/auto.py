@@ -17,7 +17,7 @@ from pscover.clock import Clock
 from pscover.errors import Refused
 from pscover.model import CoverForm, Model, as_cover
 from pscover.presolve import presolve
-from pscover.presolve.reduced import Outcome, Reduced
+from pscover.presolve.reduced import Outcome
 from pscover.result import Answer, Observer, Progress, Settings, Status
 
 from ._course import Course
@@ -84,7 +84,7 @@ class Auto:
             return _by_highs(session, settings.start)
         hopeless = hopeless_rows(form)
         if len(hopeless):
-            return replace(session.answer(Status.INFEASIBLE), certificate=refutation(form.W, hopeless[:1].tolist()))
+            return replace(session.answer(Status.INFEASIBLE), certificate=refutation(form.W, [hopeless[:1].tolist()]))
         answer = self._at_once(form, session)
         if answer is not None:
             return answer
@@ -110,55 +110,29 @@ class Auto:
     def _at_once(self, form: CoverForm, session: Session) -> Answer | None:
         """The answer to a form so small, or that falls into parts so small, that presolve would take longer than proofs."""
         from pscover.engine.problem import several
+        from pscover.engine.unreduced import without_replaced
         from pscover.engine.warm import warming
 
         is_large = form.W.nnz > SMALL
         if not warming().is_done or several(form) is not None or (is_large and session.left < AFFORDED * form.W.nnz):
             return None
-        course = Course(form, _without_replaced(form), session, self.share)
+        course = Course(form, without_replaced(form), session, self.share)
         if not is_large:
             return course.at_once()
         return course.answer() if course.falls_apart else None
 
 
 def _refuted(form: CoverForm, row: int | None) -> Certificate | None:
-    """A certificate that a row cannot be met together with those that it shares candidates with."""
+    """A certificate that a row cannot be met together with those that it shares candidates with, or with all others."""
+    from pscover.engine.certify import refuted
+
     if row is None:
         return None
     W = csr_array(form.W)
-    mine = np.zeros(len(form.c), dtype=np.bool_)
-    mine[W.indices[W.indptr[row] : W.indptr[row + 1]]] = True
-    near = np.flatnonzero(W @ mine.astype(np.float64))
-    return refutation(W, [row, *near[near != row].tolist()])
-
-
-def _without_replaced(form: CoverForm) -> Reduced:
-    """The form without candidates that another of their clique replaces."""
-    from pscover.engine.problem import problem_of
-    from pscover.engine.replaced import stand_ins
-
-    problem, columns = problem_of(form)
-    found = columns[stand_ins(problem)].astype(np.int64)
-    left = np.unique(found)
-    stand_in = np.full(len(form.c), -1)
-    stand_in[columns] = found
-    P = csr_array(form.P[:, left])
-    return Reduced(
-        form=CoverForm(
-            c=form.c[left],
-            W=csr_array(form.W[:, left]),
-            P=csr_array(P[np.diff(P.indptr) >= 2]),
-            allowed=np.ones(len(left), dtype=np.bool_),
-        ),
-        fixed_cost=0.0,
-        status=Outcome.REDUCED,
-        columns=left,
-        rows=np.arange(form.W.shape[0]),
-        forced=np.zeros(0, dtype=np.int64),
-        stand_in=stand_in,
-        infeasible_row=None,
-        log=(),
-    )
+    mine = np.zeros(len(form.c))
+    mine[W.indices[W.indptr[row] : W.indptr[row + 1]]] = 1.0
+    near = np.flatnonzero(W @ mine)
+    return refuted(form, np.array([row, *near[near != row]], dtype=np.int64))
 
 
 def _opening(form: CoverForm, session: Session) -> Opening | None:

@@ -70,7 +70,7 @@ class Lagrangian:
         form = as_cover(model)
         hopeless = hopeless_rows(form)
         if len(hopeless):
-            return replace(session.answer(Status.INFEASIBLE), certificate=refutation(form.W, hopeless[:1].tolist()))
+            return replace(session.answer(Status.INFEASIBLE), certificate=refutation(form.W, [hopeless[:1].tolist()]))
         session.bounded(model.offset + dual_bound(form))
         start = None if settings.start is None else feasible_start(form, settings.start)
         if start is None and (not warming().is_done or several(form) is not None):
@@ -83,7 +83,8 @@ class Lagrangian:
         answer = session.answer(Status.INFEASIBLE if block is not None and block.is_infeasible else status)
         if block is None:
             return answer
-        from pscover.engine.certify import of_blocks, unreduced
+        from pscover.engine.certify import of_blocks
+        from pscover.engine.unreduced import unreduced
 
         return replace(answer, certificate=of_blocks(form, unreduced(form), [block], certifying(session)))
 

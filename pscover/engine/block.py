@@ -12,7 +12,8 @@ from scipy.sparse import csr_array
 from pscover.model import CoverForm, Model, model_of
 from pscover.presolve import fix_by_reduced_cost, lagrangian
 
-from .certify import SWEPT, Account, Known
+from .account import Account
+from .certify import SWEPT, Known
 from .problem import IntArray, Problem, problem_of
 from .rowwise import STEPS as TAKEN
 from .sweep import Sweep, worth

@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import block_array, csc_array, csr_array
+from scipy.sparse.csgraph import connected_components
 
 from pscover.certificate import Certificate, refutation
 from pscover.model import CoverForm
-from pscover.presolve import Outcome, Reduced
+from pscover.presolve import Reduced, components
 from pscover.proof import Part, Parts, Prices, Proof, Sweep
 
-from . import rowwise, subgradient
+from .account import Account, Paid, in_order
 from .forced import Forced
-from .problem import IntArray, Problem
-from .route import along
-from .rowwise import Shares, shares
+from .problem import least_step, problem_of
+from .unreduced import unreduced, without_replaced
 
 if TYPE_CHECKING:
     from .block import Block
@@ -32,35 +32,14 @@ LongArray = NDArray[np.int64]
 
 UNITS = 480
 """Units of a demand: a multiple of those that engines use."""
-DIGITS = 2**20
-"""Prices are rounded down to such a part of the mean cost, or less."""
+DIGITS, MORE = 2**20, 2**36
+"""Prices are rounded down to such a part of the mean cost, or less; and where costs are no multiples of that."""
 LIMIT = 2.0**53
 """Prices add up to less, as whole numbers."""
 MOST = 400_000
 """Most entries of a form that gets a certificate."""
 SWEPT = 12_000
 """Most entries of a block for which a sweep is asked for where none has brought the proof."""
-STEPS = 10
-"""Steps between two looks at the clock."""
-SETTLED = 2e-3
-"""Steps shorter than this bring nothing."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Paid:
-    """What the rows of a block pay for its candidates.
-
-    Parameters
-    ----------
-    row, column
-        Of each entry, in the block.
-    price
-        Of each entry.
-    """
-
-    row: LongArray
-    column: LongArray
-    price: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,117 +64,50 @@ class Known:
     limit: float
 
 
-class Account:
-    """What the rows of a block pay for its candidates, those included that have been left out since.
-
-    Parameters
-    ----------
-    problem, kept
-        The block as it was at first, and its candidates.
-    """
-
-    def __init__(self, problem: Problem, kept: IntArray) -> None:
-        self._problem, self.kept = problem, kept.astype(np.int64)
-        self._paid: Paid | None = None
-
-    def note(self, kept: IntArray, multipliers: FloatArray, better: Shares | None) -> None:
-        """Take the prices as they are: those of multipliers at first, then the best shares."""
-        if self._paid is None:
-            first = shares(self._problem, multipliers)
-            row = _row(first)
-            column = self.kept[first.candidate]
-            order = np.lexsort((row, column))
-            self._paid = Paid(row=row[order], column=column[order], price=first.share[order])
-        if better is not None:
-            rows = len(better.starts)
-            known = self._paid.column * rows + self._paid.row
-            now = self.kept[kept][better.candidate] * rows + _row(better)
-            self._paid.price[np.searchsorted(known, now)] = better.kept
-
-    def improve(self, cost: float, step: float, seconds: float) -> bool:
-        """Look for better prices for so long, or until their bound, lifted to a multiple of the step, is this cost.
-
-        Returns
-        -------
-        bool
-            Whether it is.
-        """
-        end = perf_counter() + seconds
-        if perf_counter() >= end or not len(self._problem.lines):
-            return False
-        rough = subgradient.multipliers(self._problem)
-        while self._paid is None and perf_counter() < end - seconds / 2 and rough.value[subgradient.LENGTH] > SETTLED:
-            subgradient.ascend(self._problem, rough, STEPS, cost)
-        better = shares(self._problem, rough.kept)
-        if self._paid is not None:
-            at = np.lexsort((_row(better), better.candidate))
-            paid = np.empty(len(at))
-            paid[at] = self._paid.price
-            # Tolls are in these prices.
-            total = np.bincount(better.candidate, paid, self._problem.candidates)
-            paid *= np.minimum(1.0, self._problem.cost / np.maximum(total, 1e-300))[better.candidate]
-            better.share[:] = better.kept[:] = paid
-        enough = min(cost, cost - step + 1e-6 * max(1.0, cost))
-        while perf_counter() < end and better.value[rowwise.LENGTH] > SETTLED:
-            if rowwise.improve(self._problem, better, STEPS, cost) > enough:
-                break
-        self.note(np.arange(len(self.kept), dtype=np.int32), rough.kept, better)
-        return bool(better.value[rowwise.BOUND] > enough)
-
-    def paid(self, rows: LongArray, columns: LongArray) -> Paid | None:
-        """The prices, for rows and candidates as they are numbered in the whole; None if none were taken."""
-        if self._paid is None:
-            return None
-        return Paid(row=rows[self._paid.row], column=columns[self._paid.column], price=self._paid.price)
-
-    def order(self) -> LongArray:
-        """Its rows in the order of a sweep."""
-        problem = self._problem
-        row = np.repeat(np.arange(problem.rows), np.diff(problem.rptr))
-        pairs = np.unique(problem.homes[problem.lines["candidate"]] * problem.rows + row)
-        home, held = np.divmod(pairs, problem.rows)
-        starts = [*np.flatnonzero(np.diff(home, prepend=-1)).tolist(), len(held)]
-        every = held.tolist()
-        return np.array(along([every[a:b] for a, b in pairwise(starts)], problem.rows), dtype=np.int64)
-
-
-def _row(priced: Shares) -> LongArray:
-    return np.repeat(np.arange(len(priced.starts) - 1), np.diff(priced.starts))
-
-
-def unreduced(form: CoverForm) -> Reduced:
-    """A form from which nothing was taken."""
-    every = np.arange(len(form.c))
-    return Reduced(
-        form=form,
-        fixed_cost=0.0,
-        status=Outcome.REDUCED,
-        columns=every,
-        rows=np.arange(form.W.shape[0]),
-        forced=np.zeros(0, dtype=np.int64),
-        stand_in=every,
-        infeasible_row=None,
-        log=(),
-    )
-
-
 def of_blocks(form: CoverForm, reduced: Reduced, blocks: list[Block], seconds: float) -> Certificate | None:
     """A certificate of what is known of all blocks, or that one has no plan; None for forms too large to be told all.
 
-    Blocks whose best plan is proven without prices get so long for prices that prove it, or make a sweep shorter.
+    Blocks whose best plan is proven without prices get so long for prices that prove it, or make a sweep shorter. Where
+    presolve has found candidates that are in every plan, a small form is swept as it was before.
     """
     if form.W.nnz > MOST:
         return None
     W = csc_array(reduced.form.W)
-    end = perf_counter() + seconds
-    known = []
-    for block in blocks:
-        rows = np.unique(W[:, block.columns].indices).astype(np.int64)
+    rows = [np.unique(W[:, block.columns].indices).astype(np.int64) for block in blocks]
+    for block, held in zip(blocks, rows, strict=True):
         if block.is_infeasible:
-            needed = Forced(Whole(form, reduced)).needed
-            return refutation(csr_array(form.W), [*reduced.rows[rows[block.order()]].tolist(), *needed])
-        known.append(block.known(rows, max(0.0, end - perf_counter())))
+            return refuted(form, reduced.rows[held[block.order()]].astype(np.int64))
+    end = perf_counter() + seconds
+    plans = [block.columns[block.plan] for block in blocks if block.plan is not None and not block.is_open]
+    if len(plans) == len(blocks) and len(reduced.forced) and form.W.nnz <= SWEPT:
+        return of_plan(form, reduced.lift(np.concatenate([np.zeros(0, dtype=np.int64), *plans])), seconds)
+    known = [block.known(held, max(0.0, end - perf_counter())) for block, held in zip(blocks, rows, strict=True)]
     return certificate(form, reduced, known)
+
+
+def of_plan(form: CoverForm, plan: LongArray, seconds: float) -> Certificate | None:
+    """A certificate that no plan is cheaper than one, part by part, after so long a search for prices."""
+    reduced = without_replaced(form)
+    end = perf_counter() + seconds
+    W, known = csc_array(reduced.form.W), []
+    is_in = np.isin(reduced.columns, reduced.stand_in[plan])
+    for part, columns in components(reduced.form):
+        cost = float(part.c[is_in[columns]].sum())
+        account = Account(*problem_of(part))
+        account.improve(cost, least_step(form.c), end - perf_counter())
+        rows = np.unique(W[:, columns].indices).astype(np.int64)
+        paid = account.paid(rows, columns.astype(np.int64))
+        known.append(Known(rows=rows, paid=paid, order=rows[account.order()], limit=cost - least_step(form.c)))
+    return certificate(form, reduced, known)
+
+
+def refuted(form: CoverForm, rows: LongArray) -> Certificate:
+    """A certificate that there is no plan: some rows cannot be met, or these with all that hang together with them."""
+    W = csr_array(form.W)
+    _, label = connected_components(block_array([[None, W], [csr_array(W.T), None]]), directed=False)
+    every = np.flatnonzero(label[: W.shape[0]] == label[rows[0]])
+    taken = np.isin(every, rows)
+    return refutation(W, [rows.tolist(), [*rows.tolist(), *every[~taken].tolist()]])
 
 
 def certificate(form: CoverForm, reduced: Reduced, blocks: list[Known]) -> Certificate | None:
@@ -233,7 +145,27 @@ def certificate(form: CoverForm, reduced: Reduced, blocks: list[Known]) -> Certi
             return None
         proof = _proof(reduced, block, entry.astype(np.int64), scale)
         parts.append(Part(elements=elements, charged=charged, charge=_times(charge, scale), proof=proof))
-    return Certificate(units=UNITS, scale=scale, proof=Parts(parts=tuple(parts))) if parts else None
+    return Certificate(units=UNITS, scale=scale, proof=_whole(form, parts))
+
+
+def of_multipliers(form: CoverForm, y: FloatArray, limit: float) -> Certificate | None:
+    """A certificate that plans cost more than a limit, by a sweep over all rows; those pay y for what they ask for."""
+    W = csc_array(form.W)
+    column = np.repeat(np.arange(W.shape[1]), np.diff(W.indptr))
+    row = W.indices.astype(np.int64)
+    problem, _ = problem_of(form)
+    every = np.arange(W.shape[0])
+    paid = Paid(row=row, column=column, price=y[row] * W.data)
+    return certificate(form, unreduced(form), [Known(rows=every, paid=paid, order=in_order(problem), limit=limit)])
+
+
+def _whole(form: CoverForm, parts: list[Part]) -> Proof:
+    """Parts as one proof: nothing if there are none, and without a division if there is one that has all."""
+    if not parts:
+        rows, entries = (np.zeros(size, dtype=np.int64) for size in (form.W.shape[0], form.W.nnz))
+        return Prices(entry=entries, unit=rows)
+    is_all = len(parts) == 1 and len(parts[0].elements) == form.W.shape[0] and not len(parts[0].charged)
+    return parts[0].proof if is_all else Parts(parts=tuple(parts))
 
 
 def _proof(reduced: Reduced, block: Known, entry: LongArray, scale: int) -> Proof:
@@ -252,8 +184,12 @@ def _scale(cost: FloatArray, entries: int) -> int | None:
     """Of the prices: a power of two, which keeps whole costs whole; None where costs are too large."""
     mean = float(cost.mean()) if len(cost) else 1.0
     total = float(cost.sum()) * (entries + 1)
-    scale = min(DIGITS / max(mean, 1e-300), 2.0**40, LIMIT / max(total, 1e-300))
-    return int(2.0 ** np.floor(np.log2(scale))) if scale >= 1.0 else None
+    most = min(2.0**40, LIMIT / max(total, 1e-300))
+    for digits in (DIGITS, MORE):
+        scale = 2.0 ** np.floor(np.log2(min(digits / max(mean, 1e-300), most)))
+        if (np.floor(cost * scale) == cost * scale).all():
+            break
+    return int(scale) if scale >= 1.0 else None
 
 
 class Whole:
@@ -276,7 +212,7 @@ class Whole:
         price = self._inherited([block.paid for block in blocks if block.paid is not None])
         for block, (a, b) in zip(blocks, pairwise(starts.tolist()), strict=True):
             entries = order[a:b]
-            yield self.reduced.rows[block.rows].astype(np.int64), entries, price[entries], block
+            yield np.sort(self.reduced.rows[block.rows]).astype(np.int64), entries, price[entries], block
 
     def _inherited(self, parts: list[Paid]) -> FloatArray:
         """The price of each entry: that of the entry that stands in for it, NaN where there is none."""

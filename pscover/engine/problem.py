@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -123,6 +124,19 @@ def problem_of(form: CoverForm) -> tuple[Problem, IntArray]:
         np.array([P.shape[0]], dtype=np.int32),
     )
     return problem, columns
+
+
+def least_step(cost: FloatArray) -> float:
+    """The least by which two plans of different cost can differ: the greatest common divisor of whole costs, else 0.
+
+    Examples
+    --------
+    >>> least_step(np.array([4.0, 6.0])), least_step(np.array([1.0, 0.5]))
+    (2.0, 0.0)
+    """
+    if not len(cost) or (cost != np.round(cost)).any() or cost.max() > 2**52:
+        return 0.0
+    return float(math.gcd(*(int(c) for c in np.unique(cost))))
 
 
 def several(form: CoverForm) -> str | None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
@@ -267,7 +268,9 @@ def encode(result: Result) -> bytes:
         raise InvalidResult(f"expected text in Unicode, got {error.object!r}") from None
     except (msgspec.ValidationError, TypeError, OverflowError) as error:
         raise InvalidResult(f"this result cannot be kept in a file: {error}") from None
-    return msgspec.json.format(text, indent=1) + b"\n"
+    # Whole numbers side by side: no line break is inside a text.
+    laid = re.sub(rb"\[\n[-0-9,\s]+\]", lambda found: b" ".join(found[0].split()), msgspec.json.format(text, indent=1))
+    return laid + b"\n"
 
 
 def _check(document: ResultV1, source: str | Path) -> None:

@@ -1,0 +1,122 @@
+"""What the rows of a block pay for its candidates, as it is kept and improved for a certificate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rowwise, subgradient
+from .problem import IntArray, Problem
+from .route import along
+from .rowwise import Shares, shares
+
+FloatArray = NDArray[np.float64]
+LongArray = NDArray[np.int64]
+
+STEPS = 10
+"""Steps between two looks at the clock."""
+SETTLED = 2e-3
+"""Steps shorter than this bring nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Paid:
+    """What the rows of a block pay for its candidates.
+
+    Parameters
+    ----------
+    row, column
+        Of each entry, in the block.
+    price
+        Of each entry.
+    """
+
+    row: LongArray
+    column: LongArray
+    price: FloatArray
+
+
+class Account:
+    """What the rows of a block pay for its candidates, those included that have been left out since.
+
+    Parameters
+    ----------
+    problem, kept
+        The block as it was at first, and its candidates.
+    """
+
+    def __init__(self, problem: Problem, kept: IntArray) -> None:
+        self._problem, self.kept = problem, kept.astype(np.int64)
+        self._paid: Paid | None = None
+
+    def note(self, kept: IntArray, multipliers: FloatArray, better: Shares | None) -> None:
+        """Take the prices as they are: those of multipliers at first, then the best shares."""
+        if self._paid is None:
+            first = shares(self._problem, multipliers)
+            row = _row(first)
+            column = self.kept[first.candidate]
+            order = np.lexsort((row, column))
+            self._paid = Paid(row=row[order], column=column[order], price=first.share[order])
+        if better is not None:
+            rows = len(better.starts)
+            known = self._paid.column * rows + self._paid.row
+            now = self.kept[kept][better.candidate] * rows + _row(better)
+            self._paid.price[np.searchsorted(known, now)] = better.kept
+
+    def improve(self, cost: float, step: float, seconds: float) -> bool:
+        """Look for better prices for so long, or until their bound, lifted to a multiple of the step, is this cost.
+
+        Returns
+        -------
+        bool
+            Whether it is.
+        """
+        end = perf_counter() + seconds
+        if perf_counter() >= end or not len(self._problem.lines):
+            return False
+        rough = subgradient.multipliers(self._problem)
+        while self._paid is None and perf_counter() < end - seconds / 2 and rough.value[subgradient.LENGTH] > SETTLED:
+            subgradient.ascend(self._problem, rough, STEPS, cost)
+        better = shares(self._problem, rough.kept)
+        if self._paid is not None:
+            at = np.lexsort((_row(better), better.candidate))
+            paid = np.empty(len(at))
+            paid[at] = self._paid.price
+            # Tolls are in these prices.
+            total = np.bincount(better.candidate, paid, self._problem.candidates)
+            paid *= np.minimum(1.0, self._problem.cost / np.maximum(total, 1e-300))[better.candidate]
+            better.share[:] = better.kept[:] = paid
+        enough = min(cost, cost - step + 1e-6 * max(1.0, cost))
+        while perf_counter() < end and better.value[rowwise.LENGTH] > SETTLED:
+            if rowwise.improve(self._problem, better, STEPS, cost) > enough:
+                break
+        self.note(np.arange(len(self.kept), dtype=np.int32), rough.kept, better)
+        return bool(better.value[rowwise.BOUND] > enough)
+
+    def paid(self, rows: LongArray, columns: LongArray) -> Paid | None:
+        """The prices, for rows and candidates as they are numbered in the whole; None if none were taken."""
+        if self._paid is None:
+            return None
+        return Paid(row=rows[self._paid.row], column=columns[self._paid.column], price=self._paid.price)
+
+    def order(self) -> LongArray:
+        """Its rows in the order of a sweep."""
+        return in_order(self._problem)
+
+
+def in_order(problem: Problem) -> LongArray:
+    """Rows in the order of a sweep."""
+    row = np.repeat(np.arange(problem.rows), np.diff(problem.rptr))
+    pairs = np.unique(problem.homes[problem.lines["candidate"]] * problem.rows + row)
+    home, held = np.divmod(pairs, problem.rows)
+    starts = [*np.flatnonzero(np.diff(home, prepend=-1)).tolist(), len(held)]
+    every = held.tolist()
+    return np.array(along([every[a:b] for a, b in pairwise(starts)], problem.rows), dtype=np.int64)
+
+
+def _row(priced: Shares) -> LongArray:
+    return np.repeat(np.arange(len(priced.starts) - 1), np.diff(priced.starts))
