@@ -34,12 +34,13 @@ how independent blocks, whose bounds are 1.4 and 1.3 grasps, are known to take f
 **Sweeps.** Prices z_ij bound partial plans as they do whole ones: a plan that takes the choices T from some groups, and the
 others from the rest, costs at least c(T) + sum_j [least price of choices from the rest that give j what T does not] + sum
 over the rest's groups min(0, least of what its candidates have left). Let partial plans go from group to group, with every
-choice from each, and follow all but those whose bound is at least the limit: then every plan comes to the end, or one that
-begins it has a bound of at most its cost. A candidate may be left out where another of its group is as large in all elements
-and not dearer, and a partial plan where another needs no more of any element and is not dearer: what completes the one
-completes the other. The bound is the least of the bounds of those that are not followed and the costs of those that come to
-the end; if there are none, there is no plan. A sweep that would take too much work ends early: the partial plans at hand
-then count by their bounds.
+choice from each that leaves at most one candidate in every clique, and follow all but those whose bound is at least the
+limit: then every plan comes to the end, or one that begins it has a bound of at most its cost. A candidate may be left out
+where another of its group is as large in all elements, not dearer, and in no other clique that other groups share. A partial
+plan may be left out where another needs no more of any element, is not dearer and has no candidate of such a clique that the
+first has none of: what completes the one completes the other. The bound is the least of the bounds of those that are not
+followed and the costs of those that come to the end; if there are none, there is no plan. A sweep that would take too much
+work ends early: the partial plans at hand then count by their bounds.
 
 **Lift.** All costs of plans are multiples of the greatest common divisor of the candidates' costs (exact rationals): the
 bound is rounded up to one.

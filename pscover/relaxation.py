@@ -50,6 +50,8 @@ class Rows:
         Of each entry, in units of the certificate and in `FINE` units.
     group, cost
         Of each candidate.
+    member, clique
+        Candidates of cliques that are not within one group, and of which they are.
     units
         Of the certificate.
     """
@@ -63,6 +65,8 @@ class Rows:
     fine: LongArray
     group: LongArray
     cost: LongArray
+    member: LongArray
+    clique: LongArray
     units: int
 
     @classmethod
@@ -71,6 +75,9 @@ class Rows:
         p = instance.probability
         supply, asked = _amounts(instance)
         whole = {c: min(HUGE, math.floor(Fraction(c) * scale)) for c in np.unique(instance.cost).tolist()}
+        group = groups(instance)
+        member, clique = instance.conflicts.members.astype(np.int64), instance.conflicts.owner().astype(np.int64)
+        across = np.isin(clique, clique[group[member] != clique])
         return cls(
             elements=np.arange(instance.elements),
             candidates=np.arange(instance.candidates),
@@ -79,8 +86,10 @@ class Rows:
             row=p.indices.astype(np.int64),
             size=_in_units(supply, asked[p.indices], units),
             fine=_in_units(supply, asked[p.indices], FINE),
-            group=groups(instance),
+            group=group,
             cost=np.array([whole[c] for c in instance.cost.tolist()], dtype=np.int64),
+            member=member[across],
+            clique=clique[across],
             units=units,
         )
 
@@ -91,6 +100,8 @@ class Rows:
         some = owner[fresh]
         place = np.zeros(len(self.elements), dtype=np.int64)
         place[which] = np.arange(len(which))
+        own = np.minimum(np.searchsorted(some, self.member), max(0, len(some) - 1))
+        inside = some[own] == self.member if len(some) else np.zeros(len(own), dtype=np.bool_)
         part = Rows(
             elements=self.elements[which],
             candidates=self.candidates[some],
@@ -101,6 +112,8 @@ class Rows:
             fine=self.fine[entries],
             group=self.group[some],
             cost=self.cost[some],
+            member=own[inside],
+            clique=self.clique[inside],
             units=self.units,
         )
         return part, some

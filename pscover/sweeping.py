@@ -66,6 +66,9 @@ class Options:
         Of each choice, none first: `FINE` units of and prices in each element, shape (choices, held), and its cost.
     gain
         The least, if below 0, that prices leave of a cost.
+    cliques, uses
+        Cliques that it shares with other groups, numbered from -1 down, and whether a choice is in them: 0 or 1, shape
+        (choices, cliques).
     """
 
     held: LongArray
@@ -73,6 +76,8 @@ class Options:
     price: LongArray
     cost: LongArray
     gain: int
+    cliques: LongArray
+    uses: LongArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -135,9 +140,29 @@ def _options(rows: Rows, price: LongArray, order: LongArray) -> tuple[list[Optio
         sizes[who + 1, what], prices[who + 1, what] = size[a:b], price[a:b]
         costs = np.concatenate(([0], cost[members]))
         gain = min(0, int(left[members].min()))
-        stays = _irreplaceable(sizes, costs)
-        found.append(Options(held=held, size=sizes[stays], price=prices[stays], cost=costs[stays], gain=gain))
+        cliques, uses = _shared(rows, members)
+        stays = _irreplaceable(np.hstack((sizes, -uses)), costs)
+        found.append(
+            Options(
+                held=held,
+                size=sizes[stays],
+                price=prices[stays],
+                cost=costs[stays],
+                gain=gain,
+                cliques=cliques,
+                uses=uses[stays],
+            )
+        )
     return found, total
+
+
+def _shared(rows: Rows, members: LongArray) -> tuple[LongArray, LongArray]:
+    """The cliques that candidates of a group share with others, and who is in them, after a first who is in none."""
+    here = np.isin(rows.member, members)
+    cliques, which = np.unique(rows.clique[here], return_inverse=True)
+    uses = np.zeros((len(members) + 1, len(cliques)), dtype=np.int64)
+    uses[np.searchsorted(members, rows.member[here]) + 1, which] = 1
+    return -1 - cliques, uses
 
 
 def _lowest(left: LongArray, group: LongArray) -> int:
@@ -209,7 +234,10 @@ def _with_sums(sums: LongArray | None, size: LongArray) -> LongArray | None:
 
 @dataclass(eq=False)
 class Front:
-    """Partial plans: what they need of each open element, what they cost, and what plans with them cost at least."""
+    """Partial plans: what they need of each open element, what they cost, and what plans with them cost at least.
+
+    Whether they have a candidate of an open clique, 0 or 1, is among the needs, under the clique's number.
+    """
 
     needs: dict[int, LongArray]
     cost: LongArray
@@ -253,7 +281,7 @@ class Front:
 
 def _followed(stages: list[Stage], first: int, limit: int, effort: Effort) -> int | None:
     """The least bound of partial plans that are not followed, and cost of those that come to the end; None without any."""
-    last = {j: k for k, stage in enumerate(stages) for j in stage.options.held.tolist()}
+    last = {j: k for k, stage in enumerate(stages) for j in (*stage.options.held.tolist(), *stage.options.cliques.tolist())}
     one = np.zeros(1, dtype=np.int64)
     front, dropped, enough = Front({}, one, one + first), NEVER, effort.left // 2
     for k, stage in enumerate(stages):
@@ -261,8 +289,8 @@ def _followed(stages: list[Stage], first: int, limit: int, effort: Effort) -> in
         effort.left -= len(front.cost) * (len(stage.options.cost) * (len(held) + 1) + len(front.needs) * RIVALS // 8)
         if effort.left < enough:
             return min(dropped, int(front.least.min()))
-        for j in held:
-            front.needs.setdefault(j, np.full(len(front.cost), FINE))
+        for j in (*held, *stage.options.cliques.tolist()):
+            front.needs.setdefault(j, np.full(len(front.cost), FINE if j >= 0 else 0))
         parts = []
         portion = max(1, PORTION // len(stage.options.cost))
         for begin in range(0, len(front.cost), portion):
@@ -289,7 +317,10 @@ def _taken(stage: Stage, front: Front, limit: int) -> tuple[Front, int]:
         base = base - stage.before[k][(need + COARSE - 1) // COARSE]
         needs.append(np.maximum(need[:, None] - options.size[:, k], 0))
         least = np.minimum(least + stage.after[k][(needs[k] + COARSE - 1) // COARSE], NEVER)
+    used = [front.needs[j][:, None] + options.uses[:, k] for k, j in enumerate(options.cliques.tolist())]
     least = least + base[:, None]
+    for twice in used:
+        least[twice > 1] = NEVER
     is_followed = least < limit
     dropped = int(np.where(is_followed, NEVER, least).min(initial=NEVER))
     who, what = np.nonzero(is_followed)
@@ -297,6 +328,8 @@ def _taken(stage: Stage, front: Front, limit: int) -> tuple[Front, int]:
     part.cost, part.least = part.cost + options.cost[what], least[who, what]
     for k, j in enumerate(options.held.tolist()):
         part.needs[j] = _met(needs[k][who, what], stage.sums[k])
+    for k, j in enumerate(options.cliques.tolist()):
+        part.needs[j] = used[k][who, what]
     possible = np.ones(len(who), dtype=np.bool_)
     for j in options.held.tolist():
         possible &= part.needs[j] <= FINE

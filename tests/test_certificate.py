@@ -25,6 +25,7 @@ from pscover.instance import Instance
 from pscover.io.result import decode, encode
 from pscover.proof import MOST_DEPTH, Part, Parts, Prices, Proof, Split, Sweep
 from pscover.relaxation import HUGE, SLACK, groups, sizes
+from pscover.result import Status
 from pscover.testing import random_instance
 from pscover.verify import Verdict, verify
 
@@ -90,9 +91,9 @@ def test_no_numbers_prove_too_much(seed: int) -> None:
 @settings(max_examples=100, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_a_sweep_finds_the_cost_of_the_best_plan(seed: int) -> None:
-    """With any prices and order, where every candidate is in one clique at most and nothing is met by a hair."""
+    """With any prices and order, where nothing is met by a hair."""
     random = np.random.default_rng(seed)
-    instance = split(random_instance(random))
+    instance = random_instance(random)
     best, plan = enumerate_best(instance, Cover())
     entry = random.integers(-20, 60, instance.probability.nnz).astype(np.int64)
     sweep = Sweep(entry=entry, order=random.permutation(instance.elements).astype(np.int64), limit=None)
@@ -107,18 +108,6 @@ def test_a_sweep_finds_the_cost_of_the_best_plan(seed: int) -> None:
     assert lenient is not None
     # Costs are rounded down to parts of 64.
     assert bound > total_cost(instance, cheaper, Fraction) - Fraction(instance.candidates, 64)
-
-
-def split(instance: Instance) -> Instance:
-    """The same with the larger ones of its cliques, each without candidates of those before it."""
-    taken: set[int] = set()
-    cliques = []
-    for clique in sorted((c.tolist() for c in instance.conflicts), key=len, reverse=True):
-        own = [i for i in clique if i not in taken]
-        taken.update(own)
-        if len(own) > 1:
-            cliques.append(tuple(own))
-    return Instance.of(instance.probability, instance.required, instance.cost, cliques)
 
 
 def with_less_required(instance: Instance) -> Instance:
@@ -489,6 +478,39 @@ def test_engines_certify_their_bounds(backend: str) -> None:
     assert verification.passed
     assert verification.certified is not None
     assert 0.8 * exact.objective <= verification.certified <= exact.objective
+
+
+@pytest.mark.parametrize("goes", ["at once", "by presolve"])
+def test_what_auto_proves_is_certified(goes: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plans and that there are none, also where presolve has taken candidates in and out, and cliques overlap."""
+    _wait_for_kernels()
+    from pscover.backends.auto import Auto
+
+    if goes == "by presolve":
+        monkeypatch.setattr(Auto, "_at_once", lambda *_: None)
+    found = dict.fromkeys(Status, 0)
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        instance = random_instance(random) if seed % 2 else of_cliques(random, seed)
+        result = pscover.solve(instance, backend="auto", time=20)
+        verification = verify(instance, result)
+        assert verification.passed
+        assert verification.certified is not None
+        assert verification.certified >= result.objective * (1 - 1e-9)
+        found[result.status] += 1
+    assert found[Status.OPTIMAL] >= 20
+    assert found[Status.INFEASIBLE] >= 10
+
+
+def of_cliques(random: np.random.Generator, seed: int) -> Instance:
+    """Small enough for a proof, too large to be enumerated; some of them without a plan."""
+    from pscover.generate.psc import random_psc
+
+    elements, candidates, covers, size = (int(random.integers(*ends)) for ends in ((3, 12), (20, 90), (1, 4), (2, 6)))
+    required = float(random.choice([0.7, 0.9]))
+    return random_psc(
+        elements, candidates, covers=covers, clique_size=size, required=required, cheapest=1, dearest=3, seed=seed
+    )
 
 
 def test_elements_that_ask_for_nothing_are_passed_over() -> None:

@@ -123,7 +123,7 @@ class Auto:
 
 
 def _refuted(form: CoverForm, row: int | None) -> Certificate | None:
-    """A certificate that a row cannot be met together with those that it shares candidates with, or with all others."""
+    """A certificate that a row cannot be met together with those that it shares cliques with, or with all others."""
     from pscover.engine.certify import refuted
 
     if row is None:
@@ -131,7 +131,7 @@ def _refuted(form: CoverForm, row: int | None) -> Certificate | None:
     W = csr_array(form.W)
     mine = np.zeros(len(form.c))
     mine[W.indices[W.indptr[row] : W.indptr[row + 1]]] = 1.0
-    near = np.flatnonzero(W @ mine)
+    near = np.flatnonzero(W @ (mine + form.P.T @ (form.P @ mine)))
     return refuted(form, np.array([row, *near[near != row]], dtype=np.int64))
 
 

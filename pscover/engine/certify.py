@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_array, csc_array, csr_array
+from scipy.sparse import block_array, csc_array, csr_array, vstack
 from scipy.sparse.csgraph import connected_components
 
 from pscover.certificate import Certificate, refutation
@@ -104,10 +104,11 @@ def of_plan(form: CoverForm, plan: LongArray, seconds: float) -> Certificate | N
 def refuted(form: CoverForm, rows: LongArray) -> Certificate:
     """A certificate that there is no plan: some rows cannot be met, or these with all that hang together with them."""
     W = csr_array(form.W)
-    _, label = connected_components(block_array([[None, W], [csr_array(W.T), None]]), directed=False)
+    both = csr_array(vstack([W, form.P]))
+    _, label = connected_components(block_array([[None, both], [csr_array(both.T), None]]), directed=False)
     every = np.flatnonzero(label[: W.shape[0]] == label[rows[0]])
-    taken = np.isin(every, rows)
-    return refutation(W, [rows.tolist(), [*rows.tolist(), *every[~taken].tolist()]])
+    others = every[~np.isin(every, rows)]
+    return refutation(W, [rows.tolist(), [*rows.tolist(), *others.tolist()]] if len(others) else [rows.tolist()])
 
 
 def certificate(form: CoverForm, reduced: Reduced, blocks: list[Known]) -> Certificate | None:
