@@ -19,6 +19,8 @@ LongArray = NDArray[np.int64]
 
 STEPS = 10
 """Steps between two looks at the clock."""
+ROUGH = 200
+"""Steps on multipliers before shares are made of them."""
 SETTLED = 2e-3
 """Steps shorter than this bring nothing."""
 
@@ -76,11 +78,13 @@ class Account:
             Whether it is.
         """
         end = perf_counter() + seconds
-        if perf_counter() >= end or not len(self._problem.lines):
+        if seconds <= 0 or not len(self._problem.lines):
             return False
         rough = subgradient.multipliers(self._problem)
-        while self._paid is None and perf_counter() < end - seconds / 2 and rough.value[subgradient.LENGTH] > SETTLED:
+        for _ in range(0, ROUGH if self._paid is None else 0, STEPS):
             subgradient.ascend(self._problem, rough, STEPS, cost)
+            if perf_counter() > end - seconds / 2:
+                break
         better = shares(self._problem, rough.kept)
         if self._paid is not None:
             at = np.lexsort((_row(better), better.candidate))
@@ -91,8 +95,8 @@ class Account:
             paid *= np.minimum(1.0, self._problem.cost / np.maximum(total, 1e-300))[better.candidate]
             better.share[:] = better.kept[:] = paid
         enough = min(cost, cost - step + 1e-6 * max(1.0, cost))
-        while perf_counter() < end and better.value[rowwise.LENGTH] > SETTLED:
-            if rowwise.improve(self._problem, better, STEPS, cost) > enough:
+        while better.value[rowwise.LENGTH] > SETTLED:
+            if rowwise.improve(self._problem, better, STEPS, cost) > enough or perf_counter() > end:
                 break
         self.note(np.arange(len(self.kept), dtype=np.int32), rough.kept, better)
         return bool(better.value[rowwise.BOUND] > enough)

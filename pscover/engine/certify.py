@@ -77,24 +77,32 @@ def of_blocks(form: CoverForm, reduced: Reduced, blocks: list[Block], seconds: f
     for block, held in zip(blocks, rows, strict=True):
         if block.is_infeasible:
             return refuted(form, reduced.rows[held[block.order()]].astype(np.int64))
-    end = perf_counter() + seconds
     plans = [block.columns[block.plan] for block in blocks if block.plan is not None and not block.is_open]
     if len(plans) == len(blocks) and len(reduced.forced) and form.W.nnz <= SWEPT:
         return of_plan(form, reduced.lift(np.concatenate([np.zeros(0, dtype=np.int64), *plans])), seconds)
-    known = [block.known(held, max(0.0, end - perf_counter())) for block, held in zip(blocks, rows, strict=True)]
+    turns = _turns([len(block.problem.lines) for block in blocks], seconds)
+    known = [block.known(held, turn) for block, held, turn in zip(blocks, rows, turns, strict=True)]
     return certificate(form, reduced, known)
+
+
+def _turns(sizes: list[int], seconds: float) -> Iterator[float]:
+    """How long each of some blocks may take, one after the other: in proportion to their sizes, of what is left."""
+    end, total = perf_counter() + seconds, sum(sizes)
+    for size in sizes:
+        yield max(0.0, end - perf_counter()) * size / max(1, total)
+        total -= size
 
 
 def of_plan(form: CoverForm, plan: LongArray, seconds: float) -> Certificate | None:
     """A certificate that no plan is cheaper than one, part by part, after so long a search for prices."""
     reduced = without_replaced(form)
-    end = perf_counter() + seconds
     W, known = csc_array(reduced.form.W), []
     is_in = np.isin(reduced.columns, reduced.stand_in[plan])
-    for part, columns in components(reduced.form):
+    parts = components(reduced.form)
+    for (part, columns), turn in zip(parts, _turns([part.W.nnz for part, _ in parts], seconds), strict=True):
         cost = float(part.c[is_in[columns]].sum())
         account = Account(*problem_of(part))
-        account.improve(cost, least_step(form.c), end - perf_counter())
+        account.improve(cost, least_step(form.c), turn)
         rows = np.unique(W[:, columns].indices).astype(np.int64)
         paid = account.paid(rows, columns.astype(np.int64))
         known.append(Known(rows=rows, paid=paid, order=rows[account.order()], limit=cost - least_step(form.c)))
