@@ -487,7 +487,7 @@ def test_what_auto_proves_is_certified(goes: str, monkeypatch: pytest.MonkeyPatc
     from pscover.backends.auto import Auto
 
     if goes == "by presolve":
-        monkeypatch.setattr(Auto, "_at_once", lambda *_: None)
+        monkeypatch.setattr(Auto, "_at_once", lambda *_: (None, None))
     found = dict.fromkeys(Status, 0)
     for seed in range(60):
         random = np.random.default_rng(seed)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
 from pscover import isolate
+from pscover.certificate import Certificate
 from pscover.clock import Clock
 from pscover.errors import EngineFailed
 from pscover.model import CoverForm, Model
@@ -102,12 +103,21 @@ class Course:
 
     def _certified(self) -> Answer:
         """The answer, with what proves it as far as a certificate can."""
-        from pscover.engine.certify import of_blocks
-
         session = self.session
         status = Status.OPTIMAL if session.is_proven() else Status.UNKNOWN
         answer = session.answer(Status.INFEASIBLE if any(block.is_infeasible for block in self.blocks) else status)
-        return replace(answer, certificate=of_blocks(self.form, self.reduced, self.blocks, certifying(session)))
+        return replace(answer, certificate=self.certificate())
+
+    @property
+    def bound(self) -> float:
+        """Proven of all plans by what is known of the blocks."""
+        return self.reduced.lower_bound(sum(block.bound for block in self.blocks))
+
+    def certificate(self) -> Certificate | None:
+        """Of what is known of the blocks."""
+        from pscover.engine.certify import of_blocks
+
+        return of_blocks(self.form, self.reduced, self.blocks, certifying(self.session))
 
     def at_once(self) -> Answer | None:
         """The proven answer if branch and bound finds it after little work, else None."""
@@ -147,7 +157,7 @@ class Course:
     def _tell(self) -> None:
         """Report the plan and the bound of the whole."""
         offset = self.session.model.offset
-        self.session.bounded(offset + self.reduced.lower_bound(sum(block.bound for block in self.blocks)) * (1 - 1e-12))
+        self.session.bounded(offset + self.bound * (1 - 1e-12))
         plans = [block.columns[block.plan] for block in self.blocks if block.plan is not None]
         if len(plans) == len(self.blocks):
             chosen = self.reduced.lift(np.concatenate(plans) if plans else np.zeros(0, dtype=np.int64)).astype(np.int32)

@@ -103,14 +103,16 @@ class Opening:
 
     def certificate(self) -> Certificate | None:
         """What proves the bound: what rows pay for a unit of their demand; a sweep by these prices where it is proven."""
-        from pscover.engine.certify import MOST, SWEPT, of_multipliers
+        from pscover.engine.certify import MOST, of_multipliers
         from pscover.proof import Prices
 
         nnz = self.form.W.nnz
         if nnz > MOST:
             return None
-        if nnz <= SWEPT and self.session.is_proven():
-            return of_multipliers(self.form, self.pricing.multipliers, self.cost - self.step)
+        if self.session.is_proven():
+            swept = of_multipliers(self.form, self.pricing.multipliers, self.cost - self.step)
+            if swept is not None:
+                return swept
         scale = 2.0 ** math.floor(math.log2(FINE / max(float(self.form.c.mean()), 1e-300)))
         unit = np.floor(self.pricing.multipliers / UNITS * scale)
         if not 1.0 <= scale <= 2.0**40 or float(unit.sum()) * UNITS >= MOST_PAID:

@@ -85,13 +85,14 @@ class Auto:
         hopeless = hopeless_rows(form)
         if len(hopeless):
             return replace(session.answer(Status.INFEASIBLE), certificate=refutation(form.W, [hopeless[:1].tolist()]))
-        answer = self._at_once(form, session)
+        answer, tried = self._at_once(form, session)
         if answer is not None:
             return answer
         opening = _opening(form, session)
         if opening is not None and (session.over() or session.is_proven() or not opening.follows):
-            status = Status.OPTIMAL if session.is_proven() else Status.UNKNOWN
-            return replace(session.answer(status), certificate=opening.certificate())
+            answer = session.answer(Status.OPTIMAL if session.is_proven() else Status.UNKNOWN)
+            best = opening if tried is None or opening.pricing.bound >= tried.bound else tried
+            return replace(answer, certificate=best.certificate())
         reduced = presolve(form, over=_for_at_most(PRESOLVE * session.left, session))
         if reduced.status is Outcome.INFEASIBLE:
             return replace(session.answer(Status.INFEASIBLE), certificate=_refuted(form, reduced.infeasible_row))
@@ -105,21 +106,27 @@ class Auto:
         course = Course(form, reduced, session, self.share)
         if opening is not None:
             course.adopt_multipliers(opening.pricing.multipliers)
-        return course.answer()
+        answer = course.answer()
+        if tried is None or answer.status is Status.INFEASIBLE or course.bound >= tried.bound:
+            return answer
+        return replace(answer, certificate=tried.certificate())
 
-    def _at_once(self, form: CoverForm, session: Session) -> Answer | None:
-        """The answer to a form so small, or that falls into parts so small, that presolve would take longer than proofs."""
+    def _at_once(self, form: CoverForm, session: Session) -> tuple[Answer | None, Course | None]:
+        """The answer to a form so small, or that falls into parts so small, that presolve would take longer than proofs.
+
+        Where there is none, what was found on the way.
+        """
         from pscover.engine.problem import several
         from pscover.engine.unreduced import without_replaced
         from pscover.engine.warm import warming
 
         is_large = form.W.nnz > SMALL
         if not warming().is_done or several(form) is not None or (is_large and session.left < AFFORDED * form.W.nnz):
-            return None
+            return None, None
         course = Course(form, without_replaced(form), session, self.share)
         if not is_large:
-            return course.at_once()
-        return course.answer() if course.falls_apart else None
+            return course.at_once(), course
+        return (course.answer(), course) if course.falls_apart else (None, None)
 
 
 def _refuted(form: CoverForm, row: int | None) -> Certificate | None:

@@ -17,6 +17,8 @@ from .rowwise import Shares, shares
 FloatArray = NDArray[np.float64]
 LongArray = NDArray[np.int64]
 
+SWEPT, BROADEST = 12_000, 14
+"""Most entries of a block, and most rows at the front, for which a sweep is asked for where none has brought the proof."""
 STEPS = 10
 """Steps between two looks at the clock."""
 ROUGH = 200
@@ -110,6 +112,28 @@ class Account:
     def order(self) -> LongArray:
         """Its rows in the order of a sweep."""
         return in_order(self._problem)
+
+    def swept(self) -> LongArray | None:
+        """The same where a sweep is likely to come to an end."""
+        order = in_order(self._problem) if len(self._problem.lines) <= SWEPT else None
+        return order if order is not None and is_narrow(self._problem, order) else None
+
+
+def is_narrow(problem: Problem, order: LongArray) -> bool:
+    """Whether a sweep in this order has few rows at its front at a time."""
+    place = np.empty(problem.rows, dtype=np.int64)
+    place[order] = np.arange(problem.rows)
+    home = np.unique(problem.homes[problem.lines["candidate"]], return_inverse=True)[1]
+    at = np.repeat(place, np.diff(problem.rptr))
+    # Groups are taken as their first row comes; a row is at the front from the first group that has it to the last.
+    early = np.full(problem.candidates, problem.rows)
+    np.minimum.at(early, home, at)
+    first, last = place.copy(), place.copy()
+    np.minimum.at(first, at, early[home])
+    np.maximum.at(last, at, early[home])
+    change = np.bincount(first, minlength=problem.rows + 1)
+    change[1:] -= np.bincount(last, minlength=problem.rows)
+    return int(np.cumsum(change).max(initial=0)) <= BROADEST
 
 
 def in_order(problem: Problem) -> LongArray:

@@ -13,7 +13,7 @@ from pscover.model import CoverForm, Model, model_of
 from pscover.presolve import fix_by_reduced_cost, lagrangian
 
 from .account import Account
-from .certify import SWEPT, Known
+from .certify import Known
 from .problem import IntArray, Problem, problem_of
 from .rowwise import STEPS as TAKEN
 from .sweep import Sweep, worth
@@ -428,8 +428,7 @@ class Block:
         is_swept = self.sweep is not None and not self.sweep.has_given_up
         if math.isfinite(self.cost) and (is_swept or not self.is_open):
             is_priced = not is_swept and account.improve(self.cost, self.step, seconds)
-            if is_priced or is_swept or len(self.problem.lines) <= SWEPT:
-                order = np.arange(len(rows)) if is_priced else self.order()
+            order = np.arange(len(rows)) if is_priced else self.order() if is_swept else account.swept()
         paid = account.paid(rows, self.columns.astype(np.int64))
         return Known(rows=rows, paid=paid, order=None if order is None else rows[order], limit=self.bound - self.step)
 

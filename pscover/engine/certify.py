@@ -19,9 +19,9 @@ from pscover.model import CoverForm
 from pscover.presolve import Reduced, components
 from pscover.proof import Part, Parts, Prices, Proof, Sweep
 
-from .account import Account, Paid, in_order
+from .account import SWEPT, Account, Paid, in_order, is_narrow
 from .forced import Forced
-from .problem import least_step, problem_of
+from .problem import least_step, problem_of, several
 from .unreduced import unreduced, without_replaced
 
 if TYPE_CHECKING:
@@ -38,8 +38,6 @@ LIMIT = 2.0**53
 """Prices add up to less, as whole numbers."""
 MOST = 400_000
 """Most entries of a form that gets a certificate."""
-SWEPT = 12_000
-"""Most entries of a block for which a sweep is asked for where none has brought the proof."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,7 +68,8 @@ def of_blocks(form: CoverForm, reduced: Reduced, blocks: list[Block], seconds: f
     Blocks whose best plan is proven without prices get so long for prices that prove it, or make a sweep shorter. Where
     presolve has found candidates that are in every plan, a small form is swept as it was before.
     """
-    if form.W.nnz > MOST:
+    # Packing rows of the forms of instances are cliques.
+    if form.W.nnz > MOST or several(form) is not None:
         return None
     W = csc_array(reduced.form.W)
     rows = [np.unique(W[:, block.columns].indices).astype(np.int64) for block in blocks]
@@ -102,10 +101,12 @@ def of_plan(form: CoverForm, plan: LongArray, seconds: float) -> Certificate | N
     for (part, columns), turn in zip(parts, _turns([part.W.nnz for part, _ in parts], seconds), strict=True):
         cost = float(part.c[is_in[columns]].sum())
         account = Account(*problem_of(part))
-        account.improve(cost, least_step(form.c), turn)
+        is_priced = account.improve(cost, least_step(form.c), turn)
         rows = np.unique(W[:, columns].indices).astype(np.int64)
         paid = account.paid(rows, columns.astype(np.int64))
-        known.append(Known(rows=rows, paid=paid, order=rows[account.order()], limit=cost - least_step(form.c)))
+        order = np.arange(len(rows)) if is_priced else account.swept()
+        order = None if order is None else rows[order]
+        known.append(Known(rows=rows, paid=paid, order=order, limit=cost - least_step(form.c)))
     return certificate(form, reduced, known)
 
 
@@ -158,14 +159,22 @@ def certificate(form: CoverForm, reduced: Reduced, blocks: list[Known]) -> Certi
 
 
 def of_multipliers(form: CoverForm, y: FloatArray, limit: float) -> Certificate | None:
-    """A certificate that plans cost more than a limit, by a sweep over all rows; those pay y for what they ask for."""
+    """A certificate that plans cost more than a limit, by a sweep over all rows, which pay y for what they ask for.
+
+    None where that is not likely to come to an end.
+    """
+    if form.W.nnz > SWEPT:
+        return None
+    problem, _ = problem_of(form)
+    order = in_order(problem)
+    if not is_narrow(problem, order):
+        return None
     W = csc_array(form.W)
     column = np.repeat(np.arange(W.shape[1]), np.diff(W.indptr))
     row = W.indices.astype(np.int64)
-    problem, _ = problem_of(form)
     every = np.arange(W.shape[0])
     paid = Paid(row=row, column=column, price=y[row] * W.data)
-    return certificate(form, unreduced(form), [Known(rows=every, paid=paid, order=in_order(problem), limit=limit)])
+    return certificate(form, unreduced(form), [Known(rows=every, paid=paid, order=order, limit=limit)])
 
 
 def _whole(form: CoverForm, parts: list[Part]) -> Proof:
