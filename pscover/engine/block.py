@@ -430,7 +430,9 @@ class Block:
             is_priced = not is_swept and account.improve(self.cost, self.step, seconds)
             order = np.arange(len(rows)) if is_priced else self.order() if is_swept else account.swept()
         paid = account.paid(rows, self.columns.astype(np.int64))
-        return Known(rows=rows, paid=paid, order=None if order is None else rows[order], limit=self.bound - self.step)
+        # Nothing is proven beyond the cost of a plan, whatever a bound says.
+        limit = min(self.bound, self.cost) - self.step
+        return Known(rows=rows, paid=paid, order=None if order is None else rows[order], limit=limit)
 
     def order(self) -> NDArray[np.int64]:
         """Its rows in the order of a sweep."""

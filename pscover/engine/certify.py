@@ -187,7 +187,7 @@ def _whole(form: CoverForm, parts: list[Part]) -> Proof:
 
 
 def _proof(reduced: Reduced, block: Known, entry: LongArray, scale: int) -> Proof:
-    if block.order is None:
+    if block.order is None or not math.isfinite(block.limit):
         return Prices(entry=entry, unit=np.zeros(len(block.rows), dtype=np.int64))
     limit = math.floor(block.limit * scale) + 1
     return Sweep(entry=entry, order=reduced.rows[block.order].astype(np.int64), limit=limit)
