@@ -425,10 +425,13 @@ class Block:
         account, order = self._account, None
         if self.multipliers is not None and len(self.kept):
             account.note(self._numbers(), self.multipliers.kept, self.shares)
-        is_swept = self.sweep is not None and not self.sweep.has_given_up
-        if math.isfinite(self.cost) and (is_swept or not self.is_open):
-            is_priced = not is_swept and account.improve(self.cost, self.step, seconds)
-            order = np.arange(len(rows)) if is_priced else self.order() if is_swept else account.swept()
+        sweep = self.sweep
+        is_swept = sweep is not None and not sweep.has_given_up and (sweep.is_finished or sweep.lower >= self.bound - 1e-9)
+        if is_swept and math.isfinite(self.cost):
+            order = self.order()
+        elif math.isfinite(self.cost) and not self.is_open:
+            is_priced = account.improve(self.cost, self.step, seconds)
+            order = np.arange(len(rows)) if is_priced else account.swept()
         paid = account.paid(rows, self.columns.astype(np.int64))
         # Nothing is proven beyond the cost of a plan, whatever a bound says.
         limit = min(self.bound, self.cost) - self.step
