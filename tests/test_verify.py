@@ -13,7 +13,8 @@ import pytest
 
 import pscover
 from pscover import Instance, Result, Status
-from pscover.certificate import Certificate, Prices
+from pscover.certificate import Certificate
+from pscover.proof import Prices
 from pscover.verify import Verdict, verify
 
 INSTANCE = Instance.of([[0.8, 0.0, 0.75], [0.0, 0.9, 0.75]], required=0.7, conflicts=[(0, 2)])
