@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("numba")
 
+import pscover
 from pscover import registry
 from pscover.engine.block import Block
 from pscover.engine.merging import BRIEF, Merging
@@ -122,6 +123,26 @@ def test_branch_and_bound_after_tolls_loses_no_plan() -> None:
             explored(block)
             assert block.cost == pytest.approx(best[0])
     assert tolled_ones >= 5
+
+
+def test_bounds_rise_and_hold_while_there_is_no_plan() -> None:
+    risen = 0
+    for seed in range(12):
+        instance = random_psc(12, 60, covers=3, clique_size=4, required=0.9, cheapest=2, dearest=9, seed=seed)
+        best = pscover.solve(instance, backend="highs")
+        if not best.has_plan:
+            continue
+        form = as_cover(registry.formulation("clique").build(instance))
+        block = Block(form, np.arange(60, dtype=np.int32), 0, 1.0)
+        assert not block._price() or block.plan is None
+        first = float(block.shares.value[0]) if block.shares is not None else 0.0
+        for _ in range(40):
+            block._tighten()
+            assert block.bound <= best.objective + 1e-7
+        assert block.shares is not None
+        assert np.isfinite(block.shares.share).all()
+        risen += float(block.shares.value[0]) > first + 0.1
+    assert risen >= 3
 
 
 def explored(block: Block) -> None:

@@ -173,7 +173,9 @@ class Block:
         return True
 
     def prove(self, bound: float) -> bool:
-        """Take a bound if it is the best, rounded up to what costs can be; whether it was."""
+        """Take a bound if it is the best, rounded up to what costs can be; whether it was. If infinite, there is no plan."""
+        if math.isinf(bound) and bound > 0:
+            return self._exhausted()
         if self.step > 0 and math.isfinite(bound):
             bound = math.ceil(bound / self.step - 1e-6 * max(1.0, abs(bound / self.step))) * self.step
         if bound <= self.bound + 1e-12:
@@ -348,10 +350,12 @@ class Block:
                 return False
             self._share_out(tolls(self.problem, self.multipliers.kept))
             assert self.shares is not None
-        extra, state, goal = self._extra, self.shares, self.cost + self._extra
+        extra, state = self._extra, self.shares
         before = float(state.value[0])
+        # Without a plan an aim that is neither out of reach nor reached: steps towards infinity lead nowhere.
+        goal = extra + (self.cost if math.isfinite(self.cost) else 2 * max(1.0, before - extra) + 1)
         bound = float(improve(self._tolled, state, max(1, min(STEPS, WORK // (50 * entries + 1))), goal))
-        if state.value[LENGTH] < SHORTEST or bound >= goal:
+        if state.value[LENGTH] < SHORTEST or (bound >= goal and math.isfinite(self.cost)):
             self._has_tightened = True
         if self.step > 0 or self._has_tightened:
             self._leave_out(bound - extra + state.penalty > self.cost - self.step + 1e-6 * max(1.0, self.cost))
