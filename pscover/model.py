@@ -9,6 +9,7 @@ candidates, in order**, so that a plan can be read off any model and handed to a
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,6 +106,24 @@ class CoverForm:
     W: csr_array
     P: csr_array
     allowed: NDArray[np.bool_]
+
+    def among(self, columns: NDArray[np.signedinteger[Any]]) -> CoverForm:
+        """The form of some of its variables, which may all be 1, and of the packing rows that still exclude any.
+
+        Examples
+        --------
+        >>> W, P = csr_array([[0.5, 1.0, 0.5]]), csr_array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
+        >>> form = CoverForm(c=np.ones(3), W=W, P=P, allowed=np.ones(3, dtype=np.bool_))
+        >>> form.among(np.array([0, 1])).P.toarray().tolist()
+        [[1.0, 1.0]]
+        """
+        P = csr_array(self.P[:, columns])
+        return CoverForm(
+            c=self.c[columns],
+            W=csr_array(self.W[:, columns]),
+            P=csr_array(P[np.diff(P.indptr) >= 2]),
+            allowed=np.ones(len(columns), dtype=np.bool_),
+        )
 
 
 def as_cover(model: Model) -> CoverForm:

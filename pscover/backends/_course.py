@@ -188,7 +188,6 @@ class Course:
         if math.isfinite(session.left):
             self._explore(LAST * session.left, 0.0)
             self._explore(LATE * session.left, math.inf)
-        if math.isfinite(session.left):
             self._finish()
 
     def _look_round(self) -> None:

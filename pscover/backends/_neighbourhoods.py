@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,10 +145,8 @@ class Neighbourhoods:
         may[P[taken].indices] = False
         may[freed] = True
         columns = np.flatnonzero(may)
-        W, P = csr_array(W[:, columns]), csr_array(P[:, columns])
         W.data = np.minimum(W.data / np.repeat(left, np.diff(W.indptr)), 1.0)
-        P = csr_array(P[np.diff(P.indptr) >= 2])
-        return CoverForm(c=self.form.c[columns], W=W, P=P, allowed=np.ones(len(columns), dtype=np.bool_)), columns
+        return replace(self.form, W=W).among(columns), columns
 
     @staticmethod
     def _change(answer: Answer, left: float) -> float:

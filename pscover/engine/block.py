@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from pscover.model import CoverForm, Model, model_of
 from pscover.presolve import fix_by_reduced_cost, lagrangian
@@ -288,7 +287,7 @@ class Block:
         return moved
 
     def search(self) -> bool:
-        """A turn of local search, from the best plan once others have found a better one; whether it found a better plan."""
+        """A turn of local search; whether it found a better plan."""
         if self.hunt is None:
             self._hunt_in(self.problem, self.kept)
             assert self.hunt is not None
@@ -471,10 +470,7 @@ class Block:
     def model(self) -> tuple[Model, IntArray]:
         """What is left as a model, and its candidates in the block."""
         kept = problem_of(self.form)[1]
-        P = csr_array(self.form.P[:, kept])
-        ones = np.ones(len(kept), dtype=np.bool_)
-        W, P = csr_array(self.form.W[:, kept]), csr_array(P[np.diff(P.indptr) >= 2])
-        return model_of(CoverForm(c=self.form.c[kept], W=W, P=P, allowed=ones)), kept
+        return model_of(self.form.among(kept)), kept
 
     def _favoured(self, reduced: NDArray[np.float64]) -> NDArray[np.bool_]:
         """The candidates of least reduced cost, overall and of each row."""

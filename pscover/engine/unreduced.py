@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-from scipy.sparse import csr_array
 
 from pscover.model import CoverForm
 from pscover.presolve import Outcome, Reduced
@@ -35,20 +36,4 @@ def without_replaced(form: CoverForm) -> Reduced:
     left = np.unique(found)
     stand_in = np.full(len(form.c), -1)
     stand_in[columns] = found
-    P = csr_array(form.P[:, left])
-    return Reduced(
-        form=CoverForm(
-            c=form.c[left],
-            W=csr_array(form.W[:, left]),
-            P=csr_array(P[np.diff(P.indptr) >= 2]),
-            allowed=np.ones(len(left), dtype=np.bool_),
-        ),
-        fixed_cost=0.0,
-        status=Outcome.REDUCED,
-        columns=left,
-        rows=np.arange(form.W.shape[0]),
-        forced=np.zeros(0, dtype=np.int64),
-        stand_in=stand_in,
-        infeasible_row=None,
-        log=(),
-    )
+    return replace(unreduced(form), form=form.among(left), columns=left, stand_in=stand_in)
