@@ -58,7 +58,7 @@ def bench_gap_and_time(benchmark: Any, row: Any, count: int, orientations: int, 
     poses = all_poses(labelled, Sampling(orientations=orientations), Ellipse(), required)
     assert poses is not None
     weighed = time.process_time()
-    prices = price(poses, count)
+    prices = price(poses)
     assert prices is not None
     priced = time.process_time()
     first = dive(poses, prices)

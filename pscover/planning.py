@@ -27,7 +27,7 @@ from pscover.grasps import Grasp, ordered
 from pscover.instance import TOLERANCE, Instance
 from pscover.perception.grid import PAPER_PIXELS_PER_CM
 from pscover.perception.segmenter import Segmenter
-from pscover.result import Observer, Result, Settings, Status, Stop, ignore
+from pscover.result import Observer, Progress, Result, Settings, Status, Stop, ignore
 from pscover.scene import Scene
 from pscover.seen import Seen
 from pscover.solve import solve
@@ -230,9 +230,9 @@ def plan(
         stage = replace(settings, time=max(SHORTEST, min(most, left())), start=start)
         return solve(instance, backend=engine, formulation=form, settings=stage, observe=watch)
 
-    def staged(instance: Instance, start: tuple[int, ...] | None, most: float, floor: float) -> Result:
-        watch = observe if math.isinf(floor) else _up_to(floor, observe)
-        return solved(instance, first(instance) if start is None else start, form, chosen, most, watch)
+    def staged(instance: Instance, start: tuple[int, ...] | None, most: float, known: float, floor: float) -> Result:
+        begun = first(instance) if start is None else start
+        return solved(instance, begun, form, chosen, most, _between(known, floor, observe))
 
     drawing = clock.monotonic() + DRAWING * left()
     grid = None
@@ -269,9 +269,14 @@ def plan(
     )
 
 
-def _up_to(floor: float, observe: Observer) -> Observer:
-    """An observer of a search that proves nothing above `floor`."""
-    return lambda progress: observe(replace(progress, bound=min(progress.bound, floor)))
+def _between(known: float, floor: float, observe: Observer) -> Observer:
+    """An observer of a search of which `known` is proven already, and that proves nothing above `floor`."""
+
+    def watch(progress: Progress) -> bool:
+        is_enough = math.isfinite(progress.objective) and progress.objective <= known
+        return observe(replace(progress, bound=max(known, min(progress.bound, floor)))) or is_enough
+
+    return watch
 
 
 def best_effort(instance: Instance) -> tuple[int, ...]:

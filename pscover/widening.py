@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,7 @@ from pscover.grasping.conflicts import Conflicts, rule
 from pscover.grasping.diving import dive
 from pscover.grasping.pool import Scope, instance_of, select
 from pscover.grasping.predictor import Predictor
-from pscover.grasping.pricing import Prices, price
+from pscover.grasping.pricing import Prices, price, tightened
 from pscover.grasping.sampling import Sampling
 from pscover.instance import Instance
 from pscover.result import VALUE_TOLERANCE, Result, Status, Stop
@@ -33,10 +33,12 @@ FACTOR = 4
 """How many times more each search chooses from than the one before."""
 STAGE = 20.0
 """Most seconds of a search that may be followed by a wider one."""
-WORTH = 0.2
-"""Seconds that must be left for a wider search to be of use."""
+WORTH, BOTH = 0.2, 0.6
+"""Seconds that must be left for a wider search to be of use, and for one and another."""
 DIVING = 0.6
 """The part of the time that a first plan may take."""
+CUTTING = 0.6
+"""The part of what is left of it that cuts may take."""
 DRAWING = 0.5
 """The part of the time that weighing all poses may take; then candidates are drawn instead."""
 
@@ -84,8 +86,9 @@ class Searched:
     scope: Scope
 
 
-Stage = Callable[[Instance, tuple[int, ...] | None, float, float], Result]
-"""Solves an instance from a start (None: make one) within some seconds; nothing above the last number is proven by it."""
+Stage = Callable[[Instance, tuple[int, ...] | None, float, float, float], Result]
+"""Solves an instance from a start (None: make one) within some seconds, given what is proven already and above which bound
+it proves nothing; a plan that meets what is proven ends it."""
 
 
 def grid_of(
@@ -123,7 +126,7 @@ def grid_of(
     poses = all_poses(scene, sampling, predictor, wanted, over)
     if poses is None:
         return None
-    prices = price(poses, scene.garments, over)
+    prices = price(poses, over)
     if prices is None:
         return None
     return Grid(scene=scene, predictor=predictor, required=wanted, poses=poses, prices=prices)
@@ -131,7 +134,7 @@ def grid_of(
 
 def search(instance: Instance, solve_stage: Stage, left: Callable[[], float]) -> Searched:
     """Search once, among candidates that were drawn."""
-    result = solve_stage(instance, None, left(), math.inf)
+    result = solve_stage(instance, None, left(), -math.inf, math.inf)
     return Searched(
         instance=instance,
         result=result,
@@ -155,16 +158,20 @@ def widen(grid: Grid, solve_stage: Stage, left: Callable[[], float]) -> Searched
     begun = None if grid.prices.out_of_reach else dive(grid.poses, grid.prices, _past(clock.monotonic() + DIVING * left()))
     start = np.zeros(0, dtype=np.int64) if begun is None else begun
     bound, best = whole(grid.prices.bound), math.inf if begun is None else float(len(begun))
+    prices = tightened(grid.prices, best - 1, _past(clock.monotonic() + CUTTING * left()))
+    bound = max(bound, whole(prices.bound))
     size, most = -1, FIRST
     while True:
         began = clock.monotonic()
-        selection = select(grid.poses, grid.prices, most, best - 1, _past(began + left() / 4))
+        selection = select(grid.poses, prices, most, best - 1, _past(began + left() / 4))
         numbers, floor = np.union1d(selection.numbers, start), whole(selection.floor)
         instance = grid.instance(numbers)
-        slow = 4 * FACTOR * (clock.monotonic() - began) > left()
-        is_last = slow or floor >= best or math.isinf(floor) or most >= WIDEST or len(numbers) <= size
+        is_late = left() < max(BOTH, 4 * FACTOR * (clock.monotonic() - began))
+        is_last = is_late or floor >= best or math.isinf(floor) or most >= WIDEST or len(numbers) <= size
         known = tuple(np.searchsorted(numbers, start).tolist()) if len(start) else None
-        result = solve_stage(instance, known, left() if is_last else min(STAGE, left() / 2), floor)
+        result = solve_stage(instance, known, left() if is_last else min(STAGE, left() / 2), bound, floor)
+        if result.has_plan and result.objective <= bound:
+            result = replace(result, stop=Stop.FINISHED)
         bound = max(bound, min(whole(result.bound), floor))
         best = result.objective if result.has_plan else math.inf
         stopped = result.stop in (Stop.OBSERVER, Stop.INTERRUPT)

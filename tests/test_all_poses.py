@@ -24,10 +24,12 @@ from pscover.grasping import relaxation
 from pscover.grasping.all_poses import AllPoses, all_poses
 from pscover.grasping.area_maps import area_maps
 from pscover.grasping.candidates import candidates
+from pscover.grasping.columns import Columns
 from pscover.grasping.diving import dive
 from pscover.grasping.ellipse import Ellipse
 from pscover.grasping.pool import select
-from pscover.grasping.pricing import price
+from pscover.grasping.pricing import price, tightened
+from pscover.grasping.rounding import Cut, violated, with_cuts
 from pscover.grasping.sampling import Sampling
 from pscover.grasping.skyline import skyline
 from pscover.plan_document import document
@@ -172,22 +174,81 @@ def test_bounds_and_selections_against_all_plans(seed: int) -> None:
     rows = 1 + max(int(g.max()) for g in poses.garments)
     feasible = plans(poses, rows)
     least = min(map(len, feasible), default=math.inf)
-    prices = price(poses, rows)
-    assert prices is not None
-    assert prices.bound <= least + 1e-9
-    for part in range(poses.parts):
-        for pose, floor in enumerate(prices.floors(poses, part)):
-            number = int(poses.starts()[part]) + pose
-            assert floor <= min((len(one) for one in feasible if number in one), default=math.inf)
-    found = dive(poses, prices)
+    plain = price(poses)
+    assert plain is not None
+    for prices in (plain, tightened(plain, math.inf)):
+        assert prices.bound <= least + 1e-9
+        for part in range(poses.parts):
+            for pose, floor in enumerate(prices.floors(part)):
+                number = int(poses.starts()[part]) + pose
+                assert floor <= min((len(one) for one in feasible if number in one), default=math.inf)
+        for most, ceiling in ((1, math.inf), (3, math.inf), (100, math.inf), (100, least - 1 if feasible else math.inf)):
+            chosen = select(poses, prices, most, ceiling)
+            within = [one for one in feasible if set(one) <= set(chosen.numbers.tolist())]
+            assert min(min(map(len, within), default=math.inf), whole(chosen.floor)) <= least
+            if most == 100 and ceiling == math.inf:
+                assert chosen.floor == math.inf
+                assert min(map(len, within), default=math.inf) == least
+    found = dive(poses, plain)
     assert found is None or tuple(found.tolist()) in set(feasible)
-    for most, ceiling in ((1, math.inf), (3, math.inf), (100, math.inf), (100, least - 1 if feasible else math.inf)):
-        chosen = select(poses, prices, most, ceiling)
-        within = [one for one in feasible if set(one) <= set(chosen.numbers.tolist())]
-        assert min(min(map(len, within), default=math.inf), whole(chosen.floor)) <= least
-        if most == 100 and ceiling == math.inf:
-            assert chosen.floor == math.inf
-            assert min(map(len, within), default=math.inf) == least
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=60)
+def test_every_plan_meets_rounded_sums(seed: int) -> None:
+    poses, rng = random_poses(seed), np.random.default_rng(seed)
+    columns = Columns.extremes(poses)
+    cuts = violated(columns.worth, rng.random(len(columns.part)), poses.needed)
+    cuts += [cut for sets in (poses.wanted()[:1].tolist(), poses.wanted().tolist()) for cut in rounded(sets, rng)]
+    extended = with_cuts(poses, tuple(cuts))
+    for one in plans(poses, poses.rows):
+        number = np.array(one, dtype=np.int64)
+        part = poses.part_of(number).astype(np.int64)
+        held = Columns.of(extended, part, number - poses.starts()[part])
+        assert (held.worth[poses.rows :].sum(axis=1) >= 1 - 1e-9).all()
+
+
+def rounded(rows: list[int], rng: np.random.Generator) -> list[Cut]:
+    """Rounded sums of some rows, each of which asks for 1."""
+    part = rng.uniform(0.01, 1.0, 4)
+    return [
+        Cut(rows=tuple(rows), scale=float((k + f) / len(rows)), part=float(f), least=k + 1)
+        for k, f in enumerate(part.tolist())
+    ]
+
+
+def test_three_garments_in_pairs_take_two_grasps() -> None:
+    pairs = (np.array([0, 1]), np.array([0, 2]), np.array([1, 2]))
+    poses = AllPoses(
+        pixels=np.arange(3),
+        first=np.arange(4),
+        angles=np.zeros(1),
+        width=3,
+        garments=pairs,
+        worth=(np.ones((2, 1)),) * 3,
+        total=(np.full(1, 2.0),) * 3,
+        needed=np.full(3, 1 - 1e-9),
+    )
+    plain = price(poses)
+    assert plain is not None
+    assert plain.bound == pytest.approx(1.5)
+    assert tightened(plain, 1.0).bound == plain.bound
+    tight = tightened(plain, math.inf)
+    assert tight.bound == pytest.approx(2.0)
+    assert [(cut.rows, cut.least) for cut in tight.cuts] == [((0, 1, 2), 2)]
+    assert select(poses, tight, 100, 1.0).numbers.tolist() == []
+
+
+def test_a_programme_goes_on_from_the_basis_of_a_smaller_one() -> None:
+    rng = np.random.default_rng(1)
+    matrix = csc_array(-rng.random((6, 30)) * (rng.random((6, 30)) < 0.5))
+    part = relaxation.minimise(np.ones(20), csc_array(matrix[:4, :20]), -np.ones(4))
+    assert part is not None
+    assert part.basis is not None
+    for begun in (part.basis, part.basis.without(np.array([1])), None):
+        found = relaxation.minimise(np.ones(30), matrix, -np.ones(6), begun)
+        assert found is not None
+        assert found.value == pytest.approx(relaxation._by_scipy(np.ones(30), matrix, -np.ones(6)).value)  # type: ignore[union-attr]
 
 
 def test_both_ways_to_a_linear_programme_agree() -> None:
@@ -269,8 +330,8 @@ def test_candidates_are_drawn_when_the_time_is_too_short(monkeypatch: pytest.Mon
 
 
 def test_what_is_not_proven_over_all_poses_is_not_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(widening, "FIRST", 20)
-    monkeypatch.setattr(widening, "WIDEST", 20)
+    monkeypatch.setattr(widening, "FIRST", 60)
+    monkeypatch.setattr(widening, "WIDEST", 60)
     monkeypatch.setattr(widening, "dive", lambda *given: None)
     seen: list[float] = []
     scene = garments(10, seed=0, layout="piled")

@@ -71,6 +71,15 @@ class AllPoses:
         """The number of parts."""
         return len(self.garments)
 
+    @property
+    def rows(self) -> int:
+        """The number of covering rows, those included that nothing is required of."""
+        return len(self.needed)
+
+    def wanted(self) -> IntArray:
+        """The rows to which some pose is worth something, rising."""
+        return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *self.garments]))
+
     def starts(self) -> IntArray:
         """The number of each part's first pose, shape (parts + 1,)."""
         return self.first * len(self.angles)

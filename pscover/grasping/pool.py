@@ -12,6 +12,7 @@ So a plan of poses on the grid costs at least the smaller of the floor and what 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -27,6 +28,7 @@ from pscover.grasping.skyline import skyline
 from pscover.instance import Instance, Meta
 from pscover.scene import Scene
 
+FloatArray = NDArray[np.float64]
 Candidates = Literal["sampled", "all"]
 GROWTH = 2
 """How much further to look each time, while few of the poses looked at are worth choosing."""
@@ -92,27 +94,33 @@ def select(poses: AllPoses, prices: Prices, most: int, ceiling: float = math.inf
     >>> from pscover.grasping.sampling import Sampling
     >>> scene = Scene.of(np.kron([[1, 1, 0, 2]], np.ones((40, 20), dtype=int)))
     >>> poses = all_poses(scene, Sampling(), Ellipse(), np.array([0.7, 0.7]))
-    >>> found = select(poses, price(poses, scene.garments), most=1000)
+    >>> found = select(poses, price(poses), most=1000)
     >>> len(poses), len(found.numbers), found.floor
     (14400, 2, inf)
     """
-    floors = [prices.floors(poses, part) for part in range(poses.parts)]
-    ranked = np.sort(np.concatenate([np.zeros(0), *floors]))
-    if not len(ranked):
-        return Selection(numbers=np.zeros(0, dtype=np.int64), floor=math.inf)
-    looked, starts, before = most, poses.starts(), -math.inf
+    floors, ranks = _by_part(poses, prices.floors), _by_part(poses, prices.ranks)
+    of_use = [here <= ceiling for here in floors]
+    ranked = np.sort(np.concatenate([np.zeros(0), *(here[use] for here, use in zip(ranks, of_use, strict=True))]))
+    looked, limit, starts = most, -math.inf, poses.starts()
     fronts = [np.zeros(0, dtype=np.int64)] * poses.parts
-    while True:
-        limit = min(ceiling, float(ranked[min(looked, len(ranked)) - 1]))
-        more = [np.flatnonzero((here > before) & (here <= limit)) for here in floors]
+    numbers = np.zeros(0, dtype=np.int64)
+    while len(ranked):
+        before, limit = limit, float(ranked[min(looked, len(ranked)) - 1])
+        more = [np.flatnonzero(use & (here > before) & (here <= limit)) for here, use in zip(ranks, of_use, strict=True)]
         fronts = [_front(poses, part, np.append(fronts[part], more[part])) for part in range(poses.parts)]
         numbers = np.sort(np.concatenate([start + front for start, front in zip(starts, fronts, strict=False)]))
-        if limit >= min(ceiling, ranked[-1]) or len(numbers) > most / 2 or over():
+        if limit >= ranked[-1] or len(numbers) > most / 2 or over():
             break
-        looked, before = looked * GROWTH, limit
-    left_out = ranked[ranked > limit]
-    floor = float(left_out[0]) if len(left_out) and math.isfinite(prices.bound) else math.inf
-    return Selection(numbers=numbers, floor=floor)
+        looked *= GROWTH
+    left_out = [
+        here[~use | (rank > limit)].min(initial=math.inf) for here, use, rank in zip(floors, of_use, ranks, strict=True)
+    ]
+    floor = min(left_out, default=math.inf) if math.isfinite(prices.bound) else math.inf
+    return Selection(numbers=numbers, floor=float(floor))
+
+
+def _by_part(poses: AllPoses, of: Callable[[int], FloatArray]) -> list[FloatArray]:
+    return [of(part) for part in range(poses.parts)]
 
 
 def _front(poses: AllPoses, part: int, numbers: IntArray) -> IntArray:
