@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from time import perf_counter
 
 import numpy as np
@@ -14,6 +15,13 @@ from .weighting import search
 TURN = 2e-3
 """Seconds that a turn aims at, so that clock and observer are looked at often."""
 FOREVER = 1 << 62
+KICK = 20
+"""Moves a row without a better plan, times a number of Luby's, after which a search begins anew near its best one, where
+costs differ:"""
+LOST = 0.1
+"""without that part of it, and with"""
+REMEMBERED = 0.5
+"""that part of what rows weigh more than at first."""
 
 
 class Hunt:
@@ -35,6 +43,9 @@ class Hunt:
         scale = float(problem.cost.max(initial=0.0))
         self.state.value[STEP] = max(step, 1e-9 * scale)
         self._work = 20_000
+        self._kicks = np.random.default_rng(seed) if np.ptp(problem.cost) > 0.0 else None
+        self._kicked = 0
+        self._kick_at = KICK * problem.rows
 
     @property
     def cost(self) -> float:
@@ -69,13 +80,35 @@ class Hunt:
 
     def turn(self, moves: int = FOREVER) -> bool:
         """Search for about `TURN` seconds, until that many moves are made in all, or until a better plan is found."""
+        if self._kicks is not None and self.moves >= self._kick_at:
+            self._kick(self._kicks)
         began = perf_counter()
-        found = bool(search(self.problem, self.state, self._work, moves))
+        found = bool(search(self.problem, self.state, self._work, moves if self._kicks is None else min(moves, self._kick_at)))
         taken = perf_counter() - began
-        if not found:
+        if found:
+            self._kick_at = self.moves + self._patience()
+        else:
             self._work = int(np.clip(self._work * TURN / max(taken, 1e-5), self._work / 2, self._work * 2))
             self._work = max(self._work, 500)
         return found
+
+    def _kick(self, random: np.random.Generator) -> None:
+        """Go back to the best plan, lose some of it, and forget much of what rows weigh (iterated local search).
+
+        Weights alone lead a search far away from plans whose costs are low.
+        """
+        problem, rows, candidates = self.problem, self.state.rows, self.state.candidates
+        self._kicked += 1
+        self._kick_at = self.moves + self._patience()
+        plan = self.plan if math.isfinite(self.cost) else np.flatnonzero(candidates["taken"]).astype(np.int32)
+        adopt(problem, self.state, np.zeros(0, dtype=np.int32))
+        rows["weight"] = 1.0 + REMEMBERED * (rows["weight"] - 1.0)
+        each = np.repeat(rows["weight"], np.diff(problem.rptr))
+        candidates["worth"] = np.bincount(problem.lines["candidate"], each * problem.lines["entry"], problem.candidates)
+        adopt(problem, self.state, plan[random.random(len(plan)) >= LOST])
+
+    def _patience(self) -> int:
+        return KICK * luby(self._kicked + 1) * self.problem.rows
 
     @property
     def is_short(self) -> bool:
@@ -91,3 +124,16 @@ class Hunt:
     def spent(self) -> float:
         """The cost of the plan as it stands."""
         return float(self.state.value[COST])
+
+
+def luby(k: int) -> int:
+    """The k-th number of 1, 1, 2, 1, 1, 2, 4, ...: how long to go on before the k-th restart (Luby, Sinclair, Zuckerman 1993).
+
+    Examples
+    --------
+    >>> [luby(k) for k in range(1, 16)]
+    [1, 1, 2, 1, 1, 2, 4, 1, 1, 2, 1, 1, 2, 4, 8]
+    """
+    while (k + 1) & k:
+        k -= (1 << (k.bit_length() - 1)) - 1
+    return (k + 1) >> 1
