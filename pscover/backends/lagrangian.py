@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -95,7 +96,7 @@ class Lagrangian:
         block = Block(form, np.arange(len(form.c), dtype=np.int32), session.settings.seed, least_step(form.c))
         if start is not None:
             block.offer(start)
-        rounds = 0
+        rounds, greedy = 0, 0.0
         while block.is_open and not session.over() and not session.is_proven():
             rounds += 1
             for _ in range(STEPS):
@@ -103,25 +104,30 @@ class Lagrangian:
                     break
                 block.bind()
             session.bounded(session.model.offset + block.bound)
-            self._greedy(block, session)
+            # Greedy choice cannot be cut short: another one takes about as long as the last.
+            if session.left > greedy:
+                greedy = self._greedy(block, session)
             if block.is_settled or rounds == self.rounds:
                 break
         return block
 
-    def _greedy(self, block: Block, session: Session) -> None:
-        """A plan made of what the multipliers favour."""
+    def _greedy(self, block: Block, session: Session) -> float:
+        """A plan made of what the multipliers favour; seconds until there was a first."""
         from pscover.engine.hunt import Hunt
 
         assert block.multipliers is not None
         cost = block.problem.cost
         price = np.maximum(block.multipliers.reduced, FLOOR * cost)
         hunt = Hunt(block.problem, block.seed, block.step)
+        began = perf_counter()
         hunt.begin(price)
+        taken = perf_counter() - began
         if math.isfinite(block.cost):
             hunt.resume(None, limit=block.cost - max(block.step, 1e-9 * block.cost))
         while hunt.moves < self.moves and not session.over():
             if hunt.turn(self.moves) and block.offer(block.kept[hunt.plan]) and block.plan is not None:
                 session.plan(block.plan, block.cost + session.model.offset)
+        return taken
 
 
 backend = Lagrangian

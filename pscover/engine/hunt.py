@@ -9,7 +9,7 @@ import numpy as np
 
 from .greedy import adopt, choose
 from .problem import FloatArray, IntArray, Problem
-from .state import BEST, BEST_AT, COST, LIMIT, MOVES, SHORT, STEP, empty
+from .state import BEST, BEST_AT, COST, LIMIT, MOVES, SHORT, STEP, WORK, empty
 from .weighting import search
 
 TURN = 2e-3
@@ -43,7 +43,7 @@ class Hunt:
         scale = float(problem.cost.max(initial=0.0))
         self.state.value[STEP] = max(step, 1e-9 * scale)
         self._work = 20_000
-        self._kicks = np.random.default_rng(seed) if np.ptp(problem.cost) > 0.0 else None
+        self._kicks = np.random.default_rng(seed) if problem.cost.min(initial=scale) < scale else None
         self._kicked = 0
         self._kick_at = KICK * problem.rows
 
@@ -80,14 +80,16 @@ class Hunt:
 
     def turn(self, moves: int = FOREVER) -> bool:
         """Search for about `TURN` seconds, until that many moves are made in all, or until a better plan is found."""
-        if self._kicks is not None and self.moves >= self._kick_at:
-            self._kick(self._kicks)
-        began = perf_counter()
-        found = bool(search(self.problem, self.state, self._work, moves if self._kicks is None else min(moves, self._kick_at)))
+        if self._kicks is not None:
+            if self.moves >= self._kick_at:
+                self._kick(self._kicks)
+            moves = min(moves, self._kick_at)
+        began, worked = perf_counter(), self.state.counts[WORK]
+        found = bool(search(self.problem, self.state, self._work, moves))
         taken = perf_counter() - began
         if found:
             self._kick_at = self.moves + self._patience()
-        else:
+        elif self.state.counts[WORK] - worked >= self._work:
             self._work = int(np.clip(self._work * TURN / max(taken, 1e-5), self._work / 2, self._work * 2))
             self._work = max(self._work, 500)
         return found
@@ -127,7 +129,7 @@ class Hunt:
 
 
 def luby(k: int) -> int:
-    """The k-th number of 1, 1, 2, 1, 1, 2, 4, ...: how long to go on before the k-th restart (Luby, Sinclair, Zuckerman 1993).
+    """The k-th number of 1, 1, 2, 1, 1, 2, 4, ...: how long until the k-th restart (Luby, Sinclair, Zuckerman 1993).
 
     Examples
     --------
