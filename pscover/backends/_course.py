@@ -305,7 +305,7 @@ class Course:
         if block.is_open and not block.is_settled and not session.over():
             risen, end = False, perf_counter() + (BOUND if block.is_quiet else BURST / 2)
             while perf_counter() < end and block.is_open and not block.is_settled and not session.over():
-                risen |= block.bind()
+                risen |= block.bind(session.left)
             if risen or not block.is_open:
                 moved = True
                 self._tell()

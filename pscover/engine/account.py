@@ -87,7 +87,7 @@ class Account:
             subgradient.ascend(self._problem, rough, STEPS, cost)
             if perf_counter() > end - seconds / 2:
                 break
-        better = shares(self._problem, rough.kept)
+        better = shares(self._problem, rough.kept, rowwise.resolution(self._problem))
         if self._paid is not None:
             at = np.lexsort((_row(better), better.candidate))
             paid = np.empty(len(at))

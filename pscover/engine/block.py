@@ -18,6 +18,7 @@ from .rowwise import STEPS as TAKEN
 from .sweep import Sweep, worth
 
 if TYPE_CHECKING:
+    from .cutting import Cutting
     from .hunt import Hunt
     from .merging import Merging
     from .rowwise import Shares
@@ -55,10 +56,12 @@ WORK = 400_000
 """Entries that these steps read, at most."""
 WARM = 80
 """Subgradient steps after which multipliers are good enough to tell favoured candidates."""
-ROUGHLY = 250
-"""Steps after which shares are good enough for rows to be merged."""
+ROUGHLY, NEARLY = 250, 100
+"""Steps after which shares are good enough for rows to be merged, and after which they are where they began good."""
 LONGEST = 400_000
 """Most entries for which rows are solved one by one: a step must not take long."""
+BROADEST = 4_000_000
+"""Most entries for which a linear relaxation is cut: prices of all candidates must not take long."""
 PATIENCE = 300
 """Moves a row without a better plan after which a search counts as idle."""
 RESTLESS = 100
@@ -102,8 +105,11 @@ class Block:
         self._since = 0
         self.multipliers: Multipliers | None = None
         self.shares: Shares | None = None
+        self._priced: tuple[NDArray[np.float64], float] | None = None
         self._toll = np.zeros(self.problem.candidates)
         self._tolled, self._extra = self.problem, 0.0
+        self.cutting: Cutting | None = None
+        self._has_cut = not self.is_fractional or len(self.problem.lines) > BROADEST
         self.merging: Merging | None = None
         self._merges = 0
         self.has_core = False
@@ -124,12 +130,12 @@ class Block:
     @property
     def is_settled(self) -> bool:
         """Whether no bound rises any more."""
-        return self._stall >= 2 and self._has_tightened and not self._may_merge
+        return self._stall >= 2 and self._has_cut and self._has_tightened and not self._may_merge
 
     @property
     def _may_merge(self) -> bool:
         """Whether rows are being merged, or shares are better than those that they were merged at, to be worth it anew."""
-        if self.shares is None:
+        if self.shares is None or len(self.problem.lines) > LONGEST:
             return False
         is_merging = self.merging is not None and not self.merging.is_finished
         return is_merging or (self.shares.value[TAKEN] >= ROUGHLY) + self._has_tightened > self._merges
@@ -306,14 +312,16 @@ class Block:
         if self.plan is not None and not is_anew:
             self.hunt.resume(None, limit=self._enough)
 
-    def bind(self) -> bool:
-        """Raise the bound by a few steps, about a millisecond of work where rows are not too long; whether it rose."""
+    def bind(self, left: float = math.inf) -> bool:
+        """Raise the bound by a few steps, of a few milliseconds and no more than what is left; whether it rose."""
+        if self.has_core and not self._has_cut:
+            return self._cut(left)
         if self._stall < 2:
             risen = self.ascend()
             if self._stall >= 2 or (
                 self.multipliers is not None and not self.has_core and self.multipliers.value[4] >= WARM
             ):
-                self._shrink_by_multipliers()
+                self._shrink_by_prices()
             return risen
         if self._may_merge:
             return self._merge()
@@ -337,6 +345,39 @@ class Block:
         # Candidates left out by reduced costs are in no plan cheaper than the one at hand.
         return bound > before and self.prove(min(bound, self.cost))
 
+    def _cut(self, left: float) -> bool:
+        """A turn of the linear relaxation with rounded rows; whether the bound rose."""
+        if self.cutting is None:
+            from .cutting import Cutting
+
+            try:
+                self.cutting = Cutting(self.form, self.kept, self.reduced[self.kept])
+            except ImportError:
+                self._has_cut = True
+                return False
+        cutting = self.cutting
+        risen = cutting.turn(left) and self.prove(min(cutting.bound, self.cost))
+        if self.plan is None and cutting.bound > self.problem.cost.sum() * (1 + 1e-9):
+            self.is_infeasible = True
+        if cutting.is_finished:
+            self._has_cut, self.cutting, self._stall = True, None, 2
+            if math.isfinite(cutting.bound):
+                self._adopt_prices(cutting)
+        return risen
+
+    def _adopt_prices(self, cutting: Cutting) -> None:
+        """Go on with the prices of the relaxation: for what rows pay, what may be left out, and where to look."""
+        from .rowwise import known, laid, resolution, shares_of, tolled
+
+        self._toll, (self._tolled, self._extra) = cutting.toll, tolled(self.problem, cutting.toll)
+        paid = cutting.paid_in(self.problem)
+        self.shares = shares_of(self._tolled, paid, resolution(self.problem))
+        known(self.shares, paid[laid(self.problem)[1]], cutting.least, ROUGHLY - NEARLY)
+        self.merging, self._merges, self._has_tightened = None, 0, len(self.problem.lines) > LONGEST
+        self._priced = self.form.c.copy(), cutting.bound
+        self._priced[0][self.kept] = cutting.reduced
+        self._shrink_by_prices()
+
     def _tighten(self) -> bool:
         """A few steps on the shares of the rows; whether the bound rose."""
         from .rowwise import LENGTH, improve, tolls
@@ -354,7 +395,8 @@ class Block:
         # Without a plan an aim that is neither out of reach nor reached: steps towards infinity lead nowhere.
         goal = extra + (self.cost if math.isfinite(self.cost) else 2 * max(1.0, before - extra) + 1)
         bound = float(improve(self._tolled, state, max(1, min(STEPS, WORK // (50 * entries + 1))), goal))
-        if state.value[LENGTH] < SHORTEST or (bound >= goal and math.isfinite(self.cost)):
+        is_vain = state.value[TAKEN] >= ROUGHLY and not state.penalty.any()
+        if state.value[LENGTH] < SHORTEST or is_vain or (bound >= goal and math.isfinite(self.cost)):
             self._has_tightened = True
         if self.step > 0 or self._has_tightened:
             self._leave_out(bound - extra + state.penalty > self.cost - self.step + 1e-6 * max(1.0, self.cost))
@@ -383,15 +425,20 @@ class Block:
 
     @property
     def reduced(self) -> NDArray[np.float64]:
-        """Reduced costs of the candidates by the multipliers, as far as there are any."""
-        if self.multipliers is None:
-            return self.form.c
-        return lagrangian(self.form, self.multipliers.kept)[0]
+        """Reduced costs of the candidates by the best prices, as far as there are any."""
+        return self._best_prices()[0]
 
-    def _shrink_by_multipliers(self) -> None:
+    def _best_prices(self) -> tuple[NDArray[np.float64], float]:
+        """Reduced costs of the candidates, and the bound that they come with."""
+        if self._priced is not None:
+            return self._priced
+        if self.multipliers is None:
+            return self.form.c, 0.0
+        return lagrangian(self.form, self.multipliers.kept)
+
+    def _shrink_by_prices(self) -> None:
         """Leave out what no better plan contains, by reduced costs; where many are left, look at favoured ones first."""
-        assert self.multipliers is not None
-        reduced, lower = lagrangian(self.form, self.multipliers.kept)
+        reduced, lower = self._best_prices()
         if math.isfinite(self.cost):
             fixed = fix_by_reduced_cost(self.form, reduced, lower, self.cost, step=self.step)
             self._leave_out(np.isin(self.kept, fixed.zero))
@@ -418,8 +465,9 @@ class Block:
         self.multipliers = carried(self.problem, self.multipliers)
         self.shares, self._toll = None if self.shares is None else without(self.shares, gone), self._toll[~gone]
         self._tolled, self._extra = tolled(self.problem, self._toll)
-        self._stall, self._has_tightened = 0, False
-        self.merging, self._merges = None, 0
+        self._stall, self._has_tightened = 2 if self._has_cut and self.is_fractional else 0, False
+        self.cutting = self.merging = None
+        self._merges = 0
         self.hunt = self.branching = self.sweep = self._resting = None
         self._swept = 0
 
@@ -464,7 +512,7 @@ class Block:
         self.seed += 1
         self._fruitless += 1
         self._refocused = True
-        self._shrink_by_multipliers()
+        self._shrink_by_prices()
         self._resting = None if self.is_wide or self.problem is not problem else resting
 
     def model(self) -> tuple[Model, IntArray]:

@@ -18,13 +18,13 @@ from scipy.sparse import csr_array
 from pscover.model import CoverForm
 
 from .problem import FloatArray, IntArray, problem_of
-from .rowwise import UNITS, Shares, laid
+from .rowwise import Shares, laid
 from .sweep import Sweep
 
 BRIEF, LONG = 3_000_000, 24_000_000
 """What an attempt at a merge may look at, where merging is to be brief and where it is to be thorough."""
-PATIENCE = 20
-"""Attempts in a row that bring next to nothing after which brief merging ends:"""
+PATIENCE, LONGER = 20, 60
+"""Attempts in a row that bring next to nothing after which brief merging ends, and a thorough one:"""
 WORTH = 0.2
 """less than that part of what is expected at first. And less than"""
 ROUND = 1e-6
@@ -72,7 +72,7 @@ class Merging:
         chosen = csr_array((np.maximum(priced.mean, 0.0), (row, priced.candidate)), shape=shape)
         self._alike = np.asarray((chosen @ chosen.T).toarray())
         self._vain = np.zeros(self._alike.shape, dtype=np.bool_)
-        self._groups = [Group(np.array([j]), float(value)) for j, value in enumerate(self._least)]
+        self._groups = [Group(np.array([j]), float(value)) for j, value in enumerate(np.maximum(self._least, priced.least))]
         self._little = LITTLE * float(form.c[kept].mean())
         self._work, self._most = BRIEF, most
         self._fruitless = 0
@@ -97,7 +97,7 @@ class Merging:
         rise = attempt.value - self._groups[first].value - self._groups[second].value
         risen = rise > ROUND * self._little
         self._fruitless = 0 if rise > WORTH * self._little else self._fruitless + 1
-        self.is_finished = self._most == BRIEF and self._fruitless >= PATIENCE
+        self.is_finished = self._fruitless >= (PATIENCE if self._most == BRIEF else LONGER)
         if risen or attempt.is_solved:
             self._merge(attempt)
         else:
@@ -209,18 +209,19 @@ class Attempt:
 def _penalties(priced: Shares) -> tuple[FloatArray, FloatArray]:
     """What each row costs at least at the best shares, and how much more if it must have an entry."""
     starts, clique = priced.starts, priced.group
+    full = priced.full
     least, penalty = np.zeros(len(starts) - 1), np.zeros(len(priced.kept))
     for j, (first, last) in enumerate(pairwise(starts.tolist())):
-        share, short = priced.kept[first:last], np.maximum(UNITS - priced.units[first:last], 0)
-        # The prices of 0 to UNITS units, of the cliques gone through so far.
-        price = np.full(UNITS + 1, np.inf)
+        share, short = priced.kept[first:last], np.maximum(full - priced.units[first:last], 0)
+        # The prices of 0 to `full` units, of the cliques gone through so far.
+        price = np.full(full + 1, np.inf)
         price[0] = 0.0
         ends = np.append(np.flatnonzero(np.diff(clique[first:last])) + 1, last - first)
         begin = 0
         for end in ends.tolist():
-            rest = np.maximum(np.arange(UNITS + 1) - priced.units[first + begin : first + end, None], 0)
+            rest = np.maximum(np.arange(full + 1) - priced.units[first + begin : first + end, None], 0)
             price = np.minimum(price, (price[rest] + share[begin:end, None]).min(axis=0))
             begin = end
-        least[j] = price[UNITS]
-        penalty[first:last] = np.maximum(share + price[short] - price[UNITS], 0.0)
+        least[j] = price[full]
+        penalty[first:last] = np.maximum(share + price[short] - price[full], 0.0)
     return least, penalty

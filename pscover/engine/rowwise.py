@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from .jit import copy, inner, kernel, wide
 from .problem import FloatArray, IntArray, Problem
 
-UNITS = 120
-"""Into how many units a row's demand is divided; entries are rounded up, so the bound stays valid."""
-SPAN = 2 * UNITS + 1
-"""Prices of choices of a number of entries: of all demands from none on, and before them one for each below none."""
+FINEST, COARSEST, WORK = 480, 120, 60_000_000
+"""Into how many units a row's demand is divided at most, and at least, and how many of them all entries have to look at."""
 SHORT = 0.02
 """Once steps are this short, they start anew, longer, and are shortened with more patience."""
+NEAR = 0.005
+"""Steps from good shares on are so short at first."""
 BOUND, LENGTH, TOP, STEPS, PATIENT = range(5)
 
 
@@ -34,6 +34,10 @@ class Shares(NamedTuple):
         Of each entry: its candidate, its clique (numbered within the row, entries of a clique side by side) and its size.
     covers
         How many rows each candidate is in, shape (candidates,).
+    full
+        Into how many units a row's demand is divided; entries are rounded up, so that the bound stays valid.
+    least
+        What each row costs at least at the best shares, shape (rows,).
     low, high
         The least and the most entries that each row's choice may have; -1 for no most.
     chosen
@@ -53,6 +57,8 @@ class Shares(NamedTuple):
     group: IntArray
     units: IntArray
     covers: IntArray
+    full: int
+    least: FloatArray
     low: IntArray
     high: IntArray
     chosen: IntArray
@@ -60,13 +66,27 @@ class Shares(NamedTuple):
     value: FloatArray
 
 
-def shares(problem: Problem, y: FloatArray) -> Shares:
+def shares(problem: Problem, y: FloatArray, full: int = COARSEST) -> Shares:
     """Shares in proportion to what multipliers y of the rows let each row pay; the rest in equal parts."""
+    row = np.repeat(np.arange(problem.rows), np.diff(problem.rptr))
+    return shares_of(problem, y[row] * problem.lines["entry"], full)
+
+
+def resolution(problem: Problem) -> int:
+    """Into how many units demands are divided where they had better be told apart well: fewer for more entries."""
+    full = FINEST
+    while full > COARSEST and full * len(problem.lines) > WORK:
+        full //= 2
+    return full
+
+
+def shares_of(problem: Problem, paid: FloatArray, full: int = COARSEST) -> Shares:
+    """Shares in proportion to what rows pay, in the order of the problem's lines; the rest of the costs in equal parts."""
     n, entries = problem.candidates, len(problem.lines)
     row, order = laid(problem)
     candidate, entry = np.ascontiguousarray(problem.lines["candidate"][order]), problem.lines["entry"][order]
     home = problem.homes[candidate]
-    pays = y[row] * entry
+    pays = paid[order]
     total = np.bincount(candidate, pays, n)
     covers = np.bincount(candidate, minlength=n).astype(np.int32)
     factor = np.minimum(1.0, problem.cost / np.maximum(total, 1e-300))
@@ -84,14 +104,27 @@ def shares(problem: Problem, y: FloatArray) -> Shares:
         starts=problem.rptr,
         candidate=candidate,
         group=group,
-        units=np.ceil(entry * UNITS - 1e-9).astype(np.int32),
+        units=np.ceil(entry * full - 1e-9).astype(np.int32),
         covers=covers,
+        full=full,
+        least=np.zeros(problem.rows),
         low=np.zeros(problem.rows, dtype=np.int32),
         high=np.full(problem.rows, -1, dtype=np.int32),
         chosen=np.ones(entries, dtype=np.int32),
         penalty=np.zeros(n),
         value=np.array([-np.inf, 0.1, 0.0, 0.0, 0.0]),
     )
+
+
+def known(state: Shares, paid: FloatArray, least: FloatArray, steps: int) -> None:
+    """Begin with what is known of rows that pay so much, by row and clique, which is more than their shares by rounding.
+
+    From there on steps are short, as if so many had been taken.
+    """
+    row = np.repeat(np.arange(len(state.low)), np.diff(state.starts))
+    state.least[:] = np.maximum(least - np.bincount(row, np.maximum(paid - state.share, 0.0), len(state.low)), 0.0)
+    bound = float(state.least.sum()) * (1.0 - 1e-11)
+    state.value[:] = bound, NEAR, bound, steps, 1.0
 
 
 def tolls(problem: Problem, y: FloatArray) -> FloatArray:
@@ -127,7 +160,8 @@ def without(old: Shares, gone: NDArray[np.bool_]) -> Shares:
     stays = ~gone[old.candidate]
     row = np.repeat(np.arange(len(old.low)), np.diff(old.starts))[stays]
     number = np.cumsum(~gone) - 1
-    value = np.array([-np.inf, max(old.value[LENGTH], SHORT), 0.0, 0.0, old.value[PATIENT]])
+    # Rows cost no less, and what they do cost is found anew.
+    value = np.array([old.value[BOUND] * (1 - 1e-9), max(old.value[LENGTH], SHORT), 0.0, 0.0, old.value[PATIENT]])
     return old._replace(
         share=old.kept[stays],
         kept=old.kept[stays],
@@ -153,8 +187,8 @@ def improve(problem: Problem, state: Shares, steps: int, goal: float) -> float:
     n = problem.candidates
     widest = int(state.group.max(initial=-1)) + 1
     levels = max(int(state.low.max(initial=0)), int(state.high.max(initial=0)))
-    table, begins = np.empty((widest + 1) * (levels + 1) * SPAN), np.empty(widest + 1, dtype=np.int32)
-    move(problem.cost, state, steps, goal, table, begins, np.empty(n), np.empty(n))
+    table, begins = np.empty((widest + 1) * (levels + 1) * (2 * state.full + 1)), np.empty(widest + 1, dtype=np.int32)
+    move(problem.cost, state, steps, goal, table, begins, np.empty(problem.rows), np.empty(n), np.empty(n))
     return float(state.value[BOUND])
 
 
@@ -166,11 +200,12 @@ def move(
     goal: float,
     table: FloatArray,
     begins: IntArray,
+    least: FloatArray,
     penalty: FloatArray,
     mean: FloatArray,
 ) -> None:
-    """Move shares, with room for the prices and beginnings of the cliques of a row, and for two numbers a candidate."""
-    share, value, n = state.share, state.value, len(cost)
+    """Move shares, with room for the prices and beginnings of a row's cliques, for a number a row and two a candidate."""
+    share, value, n, full = state.share, state.value, len(cost), state.full
     for _ in range(steps):
         total = 0.0
         for i in range(n):
@@ -180,10 +215,11 @@ def move(
             if cheapest >= NEVER:
                 value[BOUND] = np.inf
                 return
+            least[j] = cheapest
             total += cheapest
             if state.low[j] == 0 and state.high[j] < 0:
                 for t in range(state.starts[j], state.starts[j + 1]):
-                    more = share[t] + table[final + 2 * UNITS - state.units[t]] - cheapest
+                    more = share[t] + table[final + 2 * full - state.units[t]] - cheapest
                     if more > 0.0:
                         penalty[state.candidate[t]] += more
         total *= 1.0 - 1e-11
@@ -191,6 +227,7 @@ def move(
             value[BOUND] = total
             copy(state.kept, share)
             copy(state.penalty, penalty)
+            copy(state.least, least)
         _reconsider(value, share, state.kept)
         if goal <= total:
             return
@@ -258,14 +295,16 @@ RESTART = 0.1
 def _solve_row(state: Shares, j: int, table: FloatArray, begins: IntArray) -> tuple[float, int]:
     """The cheapest choice that meets row j, and where the prices begin that count all its cliques.
 
-    After each clique, the table holds SPAN prices for each number e of entries: that of at least d units at UNITS + d, and
-    below those what less than none costs. Where there is no most, the last e stands for as many or more.
+    After each clique, the table holds a span of prices for each number e of entries: that of at least d units, of `full` in
+    all, at full + d, and below those what less than none costs. Where there is no most, the last e stands for as many or
+    more.
     """
     share, chosen, units, groups = state.share, state.chosen, state.units, state.group
     first, last = state.starts[j], state.starts[j + 1]
-    low, high = state.low[j], state.high[j]
+    low, high, full = state.low[j], state.high[j], state.full
     top = low if high < 0 else high
-    size = (top + 1) * SPAN
+    span = 2 * full + 1
+    size = (top + 1) * span
     upper = 0.0
     for t in range(first, last):
         if chosen[t] == 1:
@@ -273,7 +312,7 @@ def _solve_row(state: Shares, j: int, table: FloatArray, begins: IntArray) -> tu
         chosen[t] = 0
     upper += 1e-12
     for d in range(size):
-        table[d] = 0.0 if d <= UNITS else NEVER
+        table[d] = 0.0 if d <= full else NEVER
     now, height, group = wide(0), 0, -1
     for t in range(first, last):
         price = share[t]
@@ -287,53 +326,55 @@ def _solve_row(state: Shares, j: int, table: FloatArray, begins: IntArray) -> tu
             _copy_on(table, now, size)
             now += size
         if top == 0 and high < 0:
-            _lower(table, now - SPAN + UNITS - units[t], now + UNITS, price)
+            _lower(table, now - span + full - units[t], now + full, price, full)
         else:
-            _take(table, now, top, high < 0, price, units[t])
-    at = low * SPAN + 2 * UNITS
+            _take(table, now, top, high < 0, price, units[t], full)
+    at = low * span + 2 * full
     for e in range(low + 1, top + 1):
-        if table[now + e * SPAN + 2 * UNITS] < table[now + at]:
-            at = e * SPAN + 2 * UNITS
+        if table[now + e * span + 2 * full] < table[now + at]:
+            at = e * span + 2 * full
     cheapest = table[now + at]
     if cheapest < NEVER:
         for h in range(height - 1, -1, -1):
             before = h * size
             if table[before + at] > table[before + size + at]:
-                t, at = _entry_at(share, units, begins[h], table, before, size, at, top if high < 0 else -1)
+                t, at = _entry_at(share, units, begins[h], table, before, size, at, top if high < 0 else -1, full)
                 chosen[t] = 1
     return cheapest, now
 
 
 @inner
 def _entry_at(
-    share: FloatArray, units: IntArray, begin: int, table: FloatArray, before: int, size: int, at: int, stays: int
+    share: FloatArray, units: IntArray, begin: int, table: FloatArray, before: int, size: int, at: int, stays: int, full: int
 ) -> tuple[int, int]:
     """The entry, from one on, to which a price is due, and where the price is that those before it have to make up.
 
     `stays` is the number of entries that stands for more as well.
     """
     due = table[before + size + at]
-    e, d = at // SPAN, at % SPAN - UNITS
+    span = 2 * full + 1
+    e, d = at // span, at % span - full
     t = wide(begin)
     while True:
         rest = at - (units[t] if units[t] < d else d)
-        if e > 0 and table[before + rest - SPAN] + share[t] == due:
-            return t, rest - SPAN
+        if e > 0 and table[before + rest - span] + share[t] == due:
+            return t, rest - span
         if e == stays and table[before + rest] + share[t] == due:
             return t, rest
         t += 1
 
 
 @inner
-def _take(table: FloatArray, now: int, top: int, has_no_most: bool, price: float, units: int) -> None:
+def _take(table: FloatArray, now: int, top: int, has_no_most: bool, price: float, units: int, full: int) -> None:
     """Lower the prices of all numbers of entries that one more brings."""
-    source, target = now - (top + 1) * SPAN + UNITS - units, now + UNITS
+    span = 2 * full + 1
+    source, target = now - (top + 1) * span + full - units, now + full
     for e in range(top + 1 if has_no_most else top):
-        to = target + (e + 1 if e < top else top) * SPAN
-        _lower(table, source + e * SPAN, to, price)
+        to = target + (e + 1 if e < top else top) * span
+        _lower(table, source + e * span, to, price, full)
     for e in range(1, top + 1):
-        to = target + e * SPAN
-        for d in range(to - UNITS, to):
+        to = target + e * span
+        for d in range(to - full, to):
             table[d] = table[to]
 
 
@@ -346,9 +387,9 @@ def _copy_on(table: FloatArray, begin: int, size: int) -> None:
 
 
 @inner
-def _lower(table: FloatArray, source: int, target: int, price: float) -> None:
-    """Lower UNITS + 1 prices to those at the source and so much more, in vector code as well."""
+def _lower(table: FloatArray, source: int, target: int, price: float, full: int) -> None:
+    """Lower full + 1 prices to those at the source and so much more, in vector code as well."""
     a, b = np.uintp(source), np.uintp(target)
-    for d in range(np.uintp(UNITS + 1)):
+    for d in range(np.uintp(full + 1)):
         more, old = table[a + d] + price, table[b + d]
         table[b + d] = more if more < old else old

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from . import rowwise
 from .problem import TOLERANCE, FloatArray, IntArray, Problem
-from .rowwise import UNITS, Shares, improve, laid
+from .rowwise import Shares, improve, laid
 from .sweep import worth
 
 STEPS, GLANCE = 20, 5
@@ -141,7 +141,7 @@ class Branching:
         covers = np.bincount(candidate, minlength=n).astype(np.int32)
         none = total[candidate] <= 0
         share = np.where(none, 1.0 / covers[candidate], node.share / np.where(none, 1.0, total[candidate]))
-        size = np.ceil(np.minimum(self._amount[entries] / need[row], 1.0) * UNITS - 1e-9)
+        size = np.ceil(np.minimum(self._amount[entries] / need[row], 1.0) * self._priced.full - 1e-9)
         # Rows that need nothing are met by the price of nothing: they are left out.
         starts = np.searchsorted(row, np.flatnonzero(need > 0))
         rows = len(starts)
@@ -155,6 +155,8 @@ class Branching:
             group=self._priced.group[entries],
             units=size.astype(np.int32),
             covers=covers,
+            full=self._priced.full,
+            least=np.zeros(rows),
             low=np.zeros(rows, dtype=np.int32),
             high=np.full(rows, -1, dtype=np.int32),
             chosen=np.ones(len(entries), dtype=np.int32),
