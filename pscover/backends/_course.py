@@ -39,6 +39,8 @@ RATE, SLOW = 2e5, 4e3
 """Entries that HiGHS takes in a second before it brings anything, where they are full and where several work together."""
 LESS = 0.6
 """The part of its share of the time that HiGHS gets where several candidates work together."""
+CLOSE, MOST = 0.01, 0.9
+"""A gap, relative to the plan, that HiGHS is likely to close, and the part of the time that it gets for that."""
 TREE = 0.6
 """The part of the time that branch and bound of our own may take on small blocks."""
 LAST, LATE = 0.5, 0.1
@@ -312,6 +314,8 @@ class Course:
         return moved
 
     def _share_of(self, block: Block) -> float:
+        if block.is_fractional and block.cost - block.bound < CLOSE * block.cost:
+            return MOST
         return LESS * self.share if block.is_fractional else self.share
 
     def _branch(self, block: Block) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array, vstack
 
 from pscover.model import CoverForm, Model, model_of
 from pscover.presolve import fix_by_reduced_cost, lagrangian
@@ -109,6 +111,7 @@ class Block:
         self._toll = np.zeros(self.problem.candidates)
         self._tolled, self._extra = self.problem, 0.0
         self.cutting: Cutting | None = None
+        self._inequalities = csr_array((0, len(form.c)))
         self._has_cut = not self.is_fractional or len(self.problem.lines) > BROADEST
         self.merging: Merging | None = None
         self._merges = 0
@@ -369,6 +372,9 @@ class Block:
         """Go on with the prices of the relaxation: for what rows pay, what may be left out, and where to look."""
         from .rowwise import known, laid, resolution, shares_of, tolled
 
+        found = cutting.inequalities
+        columns = self.kept[found.indices]
+        self._inequalities = csr_array((found.data, columns, found.indptr), shape=(found.shape[0], len(self.form.c)))
         self._toll, (self._tolled, self._extra) = cutting.toll, tolled(self.problem, cutting.toll)
         paid = cutting.paid_in(self.problem)
         self.shares = shares_of(self._tolled, paid, resolution(self.problem))
@@ -516,9 +522,11 @@ class Block:
         self._resting = None if self.is_wide or self.problem is not problem else resting
 
     def model(self) -> tuple[Model, IntArray]:
-        """What is left as a model, and its candidates in the block."""
+        """What is left as a model, with the inequalities found for its rows, and its candidates in the block."""
         kept = problem_of(self.form)[1]
-        return model_of(self.form.among(kept)), kept
+        form = self.form.among(kept)
+        rows = vstack([form.W, csr_array(self._inequalities[:, kept])], format="csr")
+        return model_of(replace(form, W=csr_array(rows))), kept
 
     def _favoured(self, reduced: NDArray[np.float64]) -> NDArray[np.bool_]:
         """The candidates of least reduced cost, overall and of each row."""

@@ -1,10 +1,11 @@
-"""The linear relaxation with rounded rows: a bound, and what each row then pays for each candidate.
+"""The linear relaxation with inequalities of single rows: a bound, and what each row then pays for each candidate.
 
-    minimise c x   subject to   W x >= 1,   rounded rows (`rounding`),   at most one candidate a clique,   0 <= x <= 1
+    minimise c x   subject to   W x >= 1,   inequalities of its rows,   at most one candidate a clique,   0 <= x <= 1
 
-An inequality that follows from one row alone can be paid for by that row: with prices y of the inequalities and z of the
-cliques, row j pays sum over its inequalities of y times the coefficient of i for candidate i, and all that is paid sums up
-to no more than c_i and the z of i's cliques. So the prices are shares as well (`rowwise`), and prove as much there.
+The inequalities are rounded rows (`rounding`) at first, and facets (`facets`), which take longer, once those bring little.
+One that follows from one row alone can be paid for by that row: with prices y of the inequalities and z of the cliques,
+row j pays sum over its inequalities of y times the coefficient of i for candidate i, and all that is paid sums up to no more
+than c_i and the z of i's cliques. So the prices are shares as well (`rowwise`), and prove as much there.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from scipy.sparse import csc_array, csr_array, hstack
 
 from pscover.model import CoverForm
 
+from .facets import missed_facet
 from .problem import IntArray, Problem
 from .programme import Programme
 from .rounding import rounded, violated
@@ -29,19 +31,21 @@ SLICE, LONGER = 200, 1.3
 """Steps of a turn at first, and by what that grows until the programme is solved: to begin again takes time, too."""
 DEAR = 10.0
 """What it costs, relative to the dearest candidate for each row, to leave rows short that those at hand cannot meet."""
-LOOKED_AT = 1500
-"""In so many rows inequalities are looked for at once, over the most candidates that one of them has in the point."""
+LOOKED_AT, FACETS = 1500, 10
+"""In so many rows inequalities are looked for at once, over the most candidates that one has in the point; and facets."""
+DEEP = 1e-3
+"""Facets are looked for once the bound has risen by less than this part of it in a round."""
 CORE, EACH = 20, 20
 """Candidates a row that the programme begins with, by their reduced costs, and of each row at least."""
 JOIN = 2
 """Most candidates a row that join it at once."""
-FLAT, LEVEL = 5, 3e-4
+FLAT, LEVEL = 4, 4e-4
 """It ends when the bound has risen by less than this part of it in so many rounds."""
 SAFE = 1e-10
 """What a bound may lose to rounding, relative to it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Cut:
     """An inequality that follows from a row: the row, coefficients of the row's entries, and the right side."""
 
@@ -92,6 +96,8 @@ class Cutting:
         self._next = 0
         self._point, self._inside = np.zeros(0), self._W
         self._history: list[float] = []
+        self._is_deep = False
+        self._in_vain: dict[int, bytes] = {}
         self.bound, self.reduced = -np.inf, reduced
         self.toll, self._paid = np.zeros(len(kept)), np.zeros(self._W.nnz)
         self.least = np.zeros(self._W.shape[0])
@@ -114,7 +120,10 @@ class Cutting:
         self._history.append(self.bound)
         recent = self._history[-FLAT - 1 :]
         if len(recent) > FLAT and recent[-1] - recent[0] < LEVEL * abs(self.bound):
-            self.is_finished = True
+            self.is_finished = self._is_deep
+        if len(recent) > 1 and recent[-1] - recent[-2] < DEEP * abs(self.bound):
+            self._begin_facets()
+        if self.is_finished:
             return risen
         self._point = np.zeros(len(self._cost))
         self._point[self._columns] = self._programme.x[1:]
@@ -123,6 +132,12 @@ class Cutting:
         self._inside.eliminate_zeros()
         self._found, self._next = [], 0
         return risen
+
+    @property
+    def inequalities(self) -> csr_array:
+        """Those of the programme as it is now, over those kept; all right sides are 1."""
+        scaled = [Cut(cut.row, cut.entries / cut.right, 1.0) for cut in self._cuts]
+        return self._matrix(scaled, np.arange(len(self._cost)), len(self._cost))
 
     def paid_in(self, problem: Problem) -> FloatArray:
         """What rows pay for those kept, in the order of the lines of their problem."""
@@ -202,17 +217,21 @@ class Cutting:
         """Look for inequalities of a few rows; when all rows have been looked at, let those found join."""
         assert self._found is not None
         widest = int(np.diff(self._inside.indptr).max(initial=1))
-        first, self._next = self._next, min(self._next + max(1, LOOKED_AT // widest), self._W.shape[0])
+        many = max(1, LOOKED_AT // widest)
+        first, self._next = self._next, min(self._next + (min(many, FACETS) if self._is_deep else many), self._W.shape[0])
         for one in violated(csr_array(self._inside[first : self._next]), self._point):
-            row = first + one.row
-            begin, end = self._W.indptr[row], self._W.indptr[row + 1]
-            entries, right = rounded(self._W.data[begin:end], self._point[self._W.indices[begin:end]], one)
-            self._found.append(Cut(row=row, entries=entries, right=right))
+            entry, taken, _ = self._of(first + one.row)
+            self._found.append(Cut(first + one.row, *rounded(entry, taken, one)))
+        for row in range(first, self._next) if self._is_deep else ():
+            facet = self._facet(row)
+            if facet is not None:
+                self._found.append(facet)
         if self._next < self._W.shape[0]:
             return
         found, self._found = self._found, None
         if not found:
-            self.is_finished = True
+            self.is_finished = self._is_deep
+            self._begin_facets()
             return
         fixed = self._W.shape[0] + self._P.shape[0]
         slack = self._programme.slack
@@ -227,6 +246,28 @@ class Cutting:
         matrix = hstack([csr_array(sides[:, None]), self._matrix(found, place, len(self._columns))])
         self._programme.join(csr_array(matrix), sides)
         self._cuts += found
+
+    def _begin_facets(self) -> None:
+        if not self._is_deep:
+            self._is_deep, self._history = True, []
+
+    def _of(self, row: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Entries of a row, how much of its candidates is taken, and their reduced costs."""
+        begin, end = self._W.indptr[row], self._W.indptr[row + 1]
+        held = self._W.indices[begin:end]
+        return self._W.data[begin:end], self._point[held], self.reduced[held]
+
+    def _facet(self, row: int) -> Cut | None:
+        """A facet that the point misses, unless it has been looked for at the same point in vain."""
+        entry, taken, dear = self._of(row)
+        mark = np.round(taken, 9).tobytes()
+        if self._in_vain.get(row) == mark:
+            return None
+        facet = missed_facet(entry, taken, dear)
+        if facet is None:
+            self._in_vain[row] = mark
+            return None
+        return Cut(row, *facet)
 
 
 def _stacked(upper: csr_array, lower: csr_array) -> csr_array:

@@ -30,7 +30,7 @@ def prepare() -> None:
     from pscover.model import CoverForm
     from pscover.presolve.components import components
 
-    from . import greedy, replaced, rowwise, state, subgradient, sweep, weighting
+    from . import facets, greedy, replaced, rowwise, state, subgradient, sweep, weighting
     from .problem import problem_of
 
     W, P = csr_array(np.array([[0.5, 0.6, 0.7]])), csr_array(np.array([[1.0, 1.0, 0.0]]))
@@ -45,12 +45,13 @@ def prepare() -> None:
     subgradient.ascend(problem, multipliers, 1, 2.0)
     shares = rowwise.shares(problem, multipliers.y)
     rowwise.improve(problem, shares, 1, 2.0)
+    facets.lift(np.full(2, 0.6), np.array([1, -1], dtype=np.int32), np.arange(2, dtype=np.int32), np.zeros(1), 1.0)
     sweep.Sweep(problem, shares, np.zeros(3, dtype=np.bool_), 0.0, 1.0).turn(100, 2.0)
 
 
 def is_on_disk() -> bool:
     """Whether every kernel has been compiled before, by this version of the sources and of numba."""
-    from . import greedy, replaced, rowwise, subgradient, sweep, tables, weighting
+    from . import facets, greedy, replaced, rowwise, subgradient, sweep, tables, weighting
 
     kernels: tuple[Any, ...] = (
         replaced.thin,
@@ -58,6 +59,7 @@ def is_on_disk() -> bool:
         weighting.search,
         subgradient.climb,
         rowwise.move,
+        facets.lift,
         sweep.expand,
         sweep.undominated,
         tables.go_back,
