@@ -14,7 +14,8 @@ For every plan S
            + sum over groups min(0, least of what its candidates have left).
 
 The least price of a row alone, over choices of at most one candidate a group, is a dynamic programme over units (Lagrangian
-decomposition by rows: Guignard and Kim 1987). It is at least what any valid inequality of that row proves: knapsack-cover,
+decomposition by rows: Guignard and Kim 1987), or one over levels of prices, rounded down, with sizes in much finer units:
+both bound it, and the larger counts. It is at least what any valid inequality of that row proves: knapsack-cover,
 cardinality and group-cover inequalities are prices of this kind. Prices are whole numbers of 1/`scale`, and costs are
 rounded down to such, so that all of this is arithmetic of whole numbers.
 

@@ -25,7 +25,9 @@ SLACK = 2 * TOLERANCE
 """By how much a requirement may be missed: twice what a goal forgives, so that plans weighed in floating point count too."""
 MOST_UNITS = 4096
 FINE = 2**16
-"""Units of a demand in sweeps."""
+"""Units of a demand in sweeps, and where prices are told apart by levels."""
+LEVELS = 4096
+"""Of prices, up to that of some choice that meets a row."""
 HUGE = 2**59
 """Prices add up to less than this, so that sums of a few such numbers fit 64 bits."""
 NEVER = 2**61
@@ -127,12 +129,14 @@ class Rows:
         np.subtract.at(left, self.owner, paid)
         total = int(unit.sum()) * self.units + gain(left[allowed], self.group[allowed])
         inside = np.flatnonzero(allowed[self.owner])
-        row, group, price, size = self.row[inside], self.group[self.owner[inside]], prices.entry[inside], self.size[inside]
-        best = _undominated(row, group, price, size)
-        row, group, price, size = row[best], group[best], price[best], size[best]
-        starts = np.searchsorted(row, np.arange(len(self.elements) + 1))
+        row, group, price = self.row[inside], self.group[self.owner[inside]], prices.entry[inside]
+        best = _undominated(row, group, price, self.size[inside])
+        starts = np.searchsorted(row[best], np.arange(len(self.elements) + 1))
+        fine = _undominated(row, group, price, self.fine[inside])
+        fines = np.searchsorted(row[fine], np.arange(len(self.elements) + 1))
+        size = self.size[inside]
         for j in range(len(self.elements)):
-            span = slice(starts[j], starts[j + 1])
+            span = best[starts[j] : starts[j + 1]]
             demand = self.units if self.asks[j] else 0
             if not demand and j not in limits:
                 total += gain(price[span], group[span])
@@ -141,6 +145,9 @@ class Rows:
             cheapest = _cheapest(group[span].tolist(), price[span].tolist(), size[span].tolist(), demand, low, high)
             if cheapest is None:
                 return None
+            if j not in limits:
+                span = fine[fines[j] : fines[j + 1]]
+                cheapest = max(cheapest, _at_least(group[span], price[span], self.fine[inside[span]]))
             total += cheapest
         return total
 
@@ -231,7 +238,7 @@ def _undominated(row: LongArray, group: LongArray, price: LongArray, size: LongA
     """Entries by row and group without those that another of their row and group replaces: as large and not dearer."""
     order = np.lexsort((-size, price, group, row))
     fresh = (np.diff(row[order], prepend=-1) != 0) | (np.diff(group[order], prepend=-1) != 0)
-    rising = np.cumsum(fresh) * (MOST_UNITS + 1) + size[order]
+    rising = np.cumsum(fresh) * (FINE + 1) + size[order]
     before = np.concatenate(([-1], np.maximum.accumulate(rising)[:-1])) if len(rising) else rising
     kept: LongArray = order[fresh | (rising > before)]
     return kept
@@ -256,6 +263,33 @@ def _cheapest(group: list[int], price: list[int], size: list[int], demand: int, 
         k = end
     least = int(table[low:, demand].min())
     return None if least >= NEVER // 2 else least
+
+
+def _at_least(group: LongArray, price: LongArray, fine: LongArray) -> int:
+    """What a choice of entries by group, at most one each, costs at least if it gives the demand, in fine units.
+
+    Where `_cheapest` rounds sizes up to units, this rounds prices down to levels: it looks for the most that choices of each
+    level give. What is below 0 is free, and all of it is paid out beforehand.
+    """
+    dear = np.maximum(price, 0)
+    order = np.argsort(dear * FINE // np.maximum(fine, 1), kind="stable")
+    _, first = np.unique(group[order], return_index=True)
+    chosen = order[np.sort(first)]
+    enough = int(np.searchsorted(np.cumsum(fine[chosen]), FINE))
+    if enough == len(chosen):
+        return gain(price, group)
+    level = max(1, -(-int(dear[chosen[: enough + 1]].sum()) // LEVELS))
+    steps = dear // level
+    most = np.zeros(LEVELS + 1, dtype=np.int64)
+    held = np.flatnonzero(steps <= LEVELS)
+    ends = np.flatnonzero(np.diff(group[held], append=-1))
+    begin = 0
+    for end in (ends + 1).tolist():
+        before = most.copy()
+        for step, size in zip(steps[held[begin:end]].tolist(), fine[held[begin:end]].tolist(), strict=True):
+            np.maximum(most[step:], before[: LEVELS + 1 - step] + size, out=most[step:])
+        begin = end
+    return int(np.searchsorted(most, FINE)) * level + gain(price, group)
 
 
 def _take(table: LongArray, before: LongArray, price: int, size: int, *, capped: bool) -> None:

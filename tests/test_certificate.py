@@ -24,7 +24,7 @@ from pscover.goal import Cover, total_cost
 from pscover.instance import Instance
 from pscover.io.result import decode, encode
 from pscover.proof import MOST_DEPTH, Part, Parts, Prices, Proof, Split, Sweep
-from pscover.relaxation import HUGE, SLACK, groups, sizes
+from pscover.relaxation import FINE, HUGE, SLACK, _at_least, groups, sizes
 from pscover.result import Status
 from pscover.testing import random_instance
 from pscover.verify import Verdict, verify
@@ -552,3 +552,29 @@ def test_proven_by_certificate() -> None:
     status = next(c for c in verify(GOOD, result).checks if c.what == "status")
     assert status.verdict is Verdict.PASSED
     assert "proven" in status.detail
+
+
+def test_levels_of_prices_bound_what_rows_cost() -> None:
+    random = np.random.default_rng(3)
+    close = 0
+    for _ in range(150):
+        count = int(random.integers(1, 9))
+        group = np.sort(random.integers(0, 6, count))
+        price = random.integers(-20, [3, 50, 10**6][random.integers(3)], count)
+        fine = random.integers(1, FINE + 1, count)
+        best = math.inf
+        for bits in range(1 << count):
+            held = np.flatnonzero((bits >> np.arange(count)) & 1)
+            if len(set(group[held].tolist())) == len(held) and fine[held].sum() >= FINE:
+                best = min(best, int(price[held].sum()))
+        found = _at_least(group, price, fine)
+        assert found <= best
+        close += best < math.inf and best - found <= 0.01 * abs(best) + 60
+    assert close > 50
+
+
+def test_prices_that_a_few_units_cannot_tell_apart_prove_more() -> None:
+    instance = Instance.of([[0.4999] * 5], required=0.75, cost=[1.0] * 5)
+    # Two of them lack a trifle, which rounding up to tenths makes up for.
+    prices = Prices(entry=np.full(5, 4), unit=np.zeros(1, dtype=np.int64))
+    assert certified_bound(instance, Certificate(units=10, scale=4, proof=prices)) == 3

@@ -56,16 +56,19 @@ class Account:
     def __init__(self, problem: Problem, kept: IntArray) -> None:
         self._problem, self.kept = problem, kept.astype(np.int64)
         self._paid: Paid | None = None
+        self._bound = -np.inf
 
-    def note(self, kept: IntArray, multipliers: FloatArray, better: Shares | None) -> None:
-        """Take the prices as they are: those of multipliers at first, then the best shares."""
+    def note(self, kept: IntArray, multipliers: FloatArray, better: Shares | None, extra: float = 0.0) -> None:
+        """Take the prices as they are: those of multipliers at first, then the best shares; `extra` is what tolls add."""
         if self._paid is None:
             first = shares(self._problem, multipliers)
             row = _row(first)
             column = self.kept[first.candidate]
             order = np.lexsort((row, column))
             self._paid = Paid(row=row[order], column=column[order], price=first.share[order])
-        if better is not None:
+        bound = -np.inf if better is None else float(better.value[rowwise.BOUND]) - extra
+        if better is not None and bound >= self._bound:
+            self._bound = bound
             rows = len(better.starts)
             known = self._paid.column * rows + self._paid.row
             now = self.kept[kept][better.candidate] * rows + _row(better)

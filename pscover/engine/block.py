@@ -215,6 +215,7 @@ class Block:
         if self.hunt is None:
             return self._search_briefly()
         if self.shares is None or self._extra > 0.0:
+            self._note()
             return self._price()
         if self.sweep is None and self.branching is None and self.problem.is_split:
             # Without a plan, there are no targets to rise: all partial plans go on.
@@ -366,10 +367,11 @@ class Block:
             self._has_cut, self.cutting, self._stall = True, None, 2
             if math.isfinite(cutting.bound):
                 self._adopt_prices(cutting)
+                self._shrink_by_prices()
         return risen
 
     def _adopt_prices(self, cutting: Cutting) -> None:
-        """Go on with the prices of the relaxation: for what rows pay, what may be left out, and where to look."""
+        """Go on with the prices of the relaxation: for what rows pay, and where to look."""
         from .rowwise import known, laid, resolution, shares_of, tolled
 
         found = cutting.inequalities
@@ -382,7 +384,6 @@ class Block:
         self.merging, self._merges, self._has_tightened = None, 0, len(self.problem.lines) > LONGEST
         self._priced = self.form.c.copy(), cutting.bound
         self._priced[0][self.kept] = cutting.reduced
-        self._shrink_by_prices()
 
     def _tighten(self) -> bool:
         """A few steps on the shares of the rows; whether the bound rose."""
@@ -445,7 +446,8 @@ class Block:
     def _shrink_by_prices(self) -> None:
         """Leave out what no better plan contains, by reduced costs; where many are left, look at favoured ones first."""
         reduced, lower = self._best_prices()
-        if math.isfinite(self.cost):
+        # A relaxation at work knows the candidates by their numbers.
+        if math.isfinite(self.cost) and self.cutting is None:
             fixed = fix_by_reduced_cost(self.form, reduced, lower, self.cost, step=self.step)
             self._leave_out(np.isin(self.kept, fixed.zero))
         self.has_core = True
@@ -463,7 +465,7 @@ class Block:
         if gone.all():
             self.is_exhausted, self.bound = True, self.cost
             return
-        self._account.note(self._numbers(), self.multipliers.kept, self.shares)
+        self._note()
         allowed = self.form.allowed.copy()
         allowed[self.kept[gone]] = False
         self.form = CoverForm(c=self.form.c, W=self.form.W, P=self.form.P, allowed=allowed)
@@ -477,9 +479,16 @@ class Block:
         self.hunt = self.branching = self.sweep = self._resting = None
         self._swept = 0
 
+    def _note(self) -> None:
+        """Keep what rows pay now for a certificate, if it is the best so far."""
+        if self.multipliers is not None and len(self.kept):
+            self._account.note(self._numbers(), self.multipliers.kept, self.shares, self._extra)
+
     def known(self, rows: NDArray[np.int64], seconds: float) -> Known:
         """What is known of it, whose rows are these in the whole; better prices are looked for so long if it takes them."""
         account, order = self._account, None
+        if self.cutting is not None and math.isfinite(self.cutting.bound):
+            self._adopt_prices(self.cutting)
         if self.multipliers is not None and len(self.kept):
             account.note(self._numbers(), self.multipliers.kept, self.shares)
         sweep = self.sweep
