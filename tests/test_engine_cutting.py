@@ -24,6 +24,7 @@ from pscover.enumeration import enumerate_best
 from pscover.generate.psc import random_psc
 from pscover.goal import Cover
 from pscover.model import CoverForm, as_cover
+from pscover.result import Settings, Status
 
 FloatArray = NDArray[np.float64]
 
@@ -142,10 +143,25 @@ def test_no_time_is_no_failure() -> None:
 
 
 def test_a_block_takes_the_prices_and_proves_no_less() -> None:
-    for form, best in forms(20):
+    for form, best in forms(8):
         block = Block(form, np.arange(len(form.c), dtype=np.int32), 0, 0.0)
         bound = finished(form).bound
         while not block.is_settled and block.is_open:
             block.bind()
             assert block.bound <= best + 1e-7
         assert not block.is_open or block.bound >= bound - 1e-6 * abs(bound)
+
+
+def test_a_model_with_the_inequalities_has_the_same_optimum() -> None:
+    seen = 0
+    for form, best in forms(8):
+        block = Block(form, np.arange(len(form.c), dtype=np.int32), 0, 0.0)
+        while not block.is_settled and block.is_open:
+            block.bind()
+        model, kept = block.model()
+        seen += model.rows > len(form.among(kept).P.indptr) - 1 + form.W.shape[0]
+        found = registry.backend("highs").solve(model, Settings(time=20.0), lambda _: False)
+        assert found.status is Status.OPTIMAL
+        assert found.chosen is not None
+        assert form.c[kept[found.chosen]].sum() == pytest.approx(best)
+    assert seen >= 4

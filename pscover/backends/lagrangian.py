@@ -102,7 +102,7 @@ class Lagrangian:
             for _ in range(STEPS):
                 if session.over() or not block.is_open:
                     break
-                block.bind()
+                block.bind(session.left)
             session.bounded(session.model.offset + block.bound)
             # Greedy choice cannot be cut short: another one takes about as long as the last.
             if session.left > greedy:

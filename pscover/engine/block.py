@@ -62,8 +62,9 @@ ROUGHLY, NEARLY = 250, 100
 """Steps after which shares are good enough for rows to be merged, and after which they are where they began good."""
 LONGEST = 400_000
 """Most entries for which rows are solved one by one: a step must not take long."""
-BROADEST = 4_000_000
-"""Most entries for which a linear relaxation is cut: prices of all candidates must not take long."""
+BROADEST, READING = 4_000_000, 2e-6
+"""Most entries for which a linear relaxation is cut, for prices of all candidates must not take long; and the seconds an
+entry that must be left for it to be begun."""
 PATIENCE = 300
 """Moves a row without a better plan after which a search counts as idle."""
 RESTLESS = 100
@@ -354,6 +355,9 @@ class Block:
         if self.cutting is None:
             from .cutting import Cutting
 
+            if left < READING * len(self.problem.lines):
+                self._has_cut = True
+                return False
             try:
                 self.cutting = Cutting(self.form, self.kept, self.reduced[self.kept])
             except ImportError:
