@@ -35,8 +35,6 @@ TRIES = 3
 """Such searches after a round of pricing."""
 EARLY = 0.4
 """The part of the time that these may take."""
-BLUR = 0.2
-"""Noise on reduced costs from the second turn of sizes on, relative to the dearest favoured."""
 STALE = 6
 """Searches in a row that bring nothing after which the opening is over."""
 SHARE = 0.25
@@ -154,10 +152,13 @@ class Opening:
         self._stale = 0 if self.cost < before else self._stale + 1
 
     def _hunt(self, turn: int) -> tuple[Hunt, IntArray]:
+        from pscover.engine.favoured import blurred
         from pscover.engine.hunt import Hunt
 
         overall, each = self._sizes[turn % len(self._sizes)]
-        reduced = self._blurred(overall) if turn >= len(self._sizes) else self.pricing.reduced
+        reduced = self.pricing.reduced
+        if turn >= len(self._sizes):
+            reduced = blurred(reduced, overall * self.form.W.shape[0], self._random)
         favoured = self.pricing.favoured(reduced, overall, each)
         favoured = np.union1d(favoured, self._needed if self.plan is None else self.plan)
         problem, columns = self.pricing.problem(favoured)
@@ -169,14 +170,6 @@ class Opening:
             # Without a limit: on its way down from a dear plan a search learns which rows are hard.
             hunt.begin()
         return hunt, columns
-
-    def _blurred(self, overall: int) -> NDArray[np.float64]:
-        """Reduced costs with noise, so that each search has other candidates to choose from."""
-        reduced = self.pricing.reduced
-        last = min(overall * self.form.W.shape[0], len(reduced) - 1)
-        known = reduced[self.form.allowed]
-        spread = np.partition(known, min(last, len(known) - 1))[min(last, len(known) - 1)] - known.min()
-        return np.asarray(reduced + self._random.exponential(BLUR * max(float(spread), 1e-9), len(reduced)))
 
     def _take(self, plan: IntArray) -> bool:
         """Take a plan if it is the best; whether it was."""

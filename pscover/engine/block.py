@@ -15,6 +15,7 @@ from pscover.presolve import fix_by_reduced_cost, lagrangian
 
 from .account import Account
 from .certify import Known
+from .favoured import blurred, favoured
 from .problem import IntArray, Problem, problem_of
 from .rowwise import STEPS as TAKEN
 from .sweep import Sweep, worth
@@ -50,8 +51,6 @@ EACH, MANY = 5, 20
 """Of each row at least so many, in the two cases."""
 SIZES = ((12, 20), (7, 12), (4, 8))
 """The same in turn where the search has looked everywhere."""
-NOISE = 0.2
-"""By how much reduced costs are blurred when favoured candidates are chosen anew, relative to the dearest kept."""
 STEPS = 40
 """Subgradient steps between two looks at the clock, at most."""
 WORK = 400_000
@@ -542,21 +541,13 @@ class Block:
         return model_of(replace(form, W=csr_array(rows))), kept
 
     def _favoured(self, reduced: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """The candidates of least reduced cost, overall and of each row."""
+        """The candidates that the search looks at: favoured ones, and those of the plan."""
         overall, each = (RICH, MANY) if self.is_fractional else (CORE, EACH)
         if not self.is_wide:
             overall, each = SIZES[self._fruitless // 2 % len(SIZES)]
-        chosen = np.zeros(len(reduced), dtype=np.bool_)
-        W = self.form.W
-        most = overall * W.shape[0]
         if self._refocused:
-            spread = np.partition(reduced, min(most, len(reduced) - 1))[min(most, len(reduced) - 1)] - reduced.min()
-            reduced = reduced + np.random.default_rng(self.seed).exponential(NOISE * max(spread, 1e-9), len(reduced))
-        chosen[np.argsort(reduced, kind="stable")[:most]] = True
-        row = np.repeat(np.arange(W.shape[0]), np.diff(W.indptr))
-        order = np.lexsort((reduced[W.indices], row))
-        rank = np.arange(len(order)) - W.indptr[row[order]]
-        chosen[W.indices[order[rank < each]]] = True
+            reduced = blurred(reduced, overall * self.form.W.shape[0], np.random.default_rng(self.seed))
+        chosen = favoured(self.form.W, reduced, overall, each)
         if self.plan is not None:
             chosen[self.plan] = True
         return chosen

@@ -20,6 +20,7 @@ from scipy.sparse import csc_array, csr_array, hstack
 from pscover.model import CoverForm
 
 from .facets import missed_facet
+from .favoured import favoured
 from .problem import IntArray, Problem
 from .programme import Programme
 from .rounding import rounded, violated
@@ -151,12 +152,7 @@ class Cutting:
         rows = self._W.shape[0]
         if len(reduced) <= 2 * CORE * rows:
             return np.arange(len(reduced))
-        is_in = np.zeros(len(reduced), dtype=np.bool_)
-        is_in[np.argpartition(reduced, CORE * rows)[: CORE * rows]] = True
-        order = np.lexsort((reduced[self._W.indices], self._row))
-        rank = np.arange(len(order)) - self._W.indptr[self._row[order]]
-        is_in[self._W.indices[order[rank < EACH]]] = True
-        return np.flatnonzero(is_in)
+        return np.flatnonzero(favoured(self._W, reduced, CORE, EACH))
 
     def _begun(self) -> Programme:
         W, P = self._W[:, self._columns], self._P[:, self._columns]

@@ -8,6 +8,7 @@ from scipy.sparse import csr_array
 
 from pscover.model import CoverForm
 
+from .favoured import favoured
 from .problem import COLUMN, LINE, FloatArray, IntArray, Problem, problem_of
 from .subgradient import LENGTH, Multipliers, ascend
 
@@ -95,13 +96,7 @@ class Pricing:
 
     def favoured(self, reduced: FloatArray, overall: int, each: int) -> NDArray[np.int64]:
         """The candidates of least reduced cost: so many for each row overall, and of each row so many."""
-        W = self.form.W
-        chosen = np.zeros(len(reduced), dtype=np.bool_)
-        chosen[_least(reduced, overall * W.shape[0])] = True
-        for j in range(W.shape[0]):
-            members = W.indices[W.indptr[j] : W.indptr[j + 1]]
-            chosen[members[_least(reduced[members], each)]] = True
-        return np.flatnonzero(chosen & self.form.allowed)
+        return np.flatnonzero(favoured(csr_array(self.form.W), reduced, overall, each) & self.form.allowed)
 
     def strongest(self, rows: IntArray) -> NDArray[np.int64]:
         """Of each clique the candidate of largest entry in each of some rows: what those cannot meet, none can."""
@@ -170,10 +165,3 @@ def _home(form: CoverForm) -> IntArray:
     home = P.shape[0] + np.arange(P.shape[1])
     home[P.indices[order]] = owner[order]
     return np.asarray(home, dtype=np.int32)
-
-
-def _least(values: FloatArray, count: int) -> NDArray[np.int64]:
-    """Where the least of some values are."""
-    if count >= len(values):
-        return np.arange(len(values))
-    return np.asarray(np.argpartition(values, count)[:count], dtype=np.int64)
