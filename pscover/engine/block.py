@@ -536,9 +536,12 @@ class Block:
     def model(self) -> tuple[Model, IntArray]:
         """What is left as a model, with the inequalities found for its rows, and its candidates in the block."""
         kept = problem_of(self.form)[1]
-        form = self.form.among(kept)
-        rows = vstack([form.W, csr_array(self._inequalities[:, kept])], format="csr")
-        return model_of(replace(form, W=csr_array(rows))), kept
+        return model_of(self.strengthened.among(kept)), kept
+
+    @property
+    def strengthened(self) -> CoverForm:
+        """The form with the inequalities found for its rows as further rows."""
+        return replace(self.form, W=csr_array(vstack([self.form.W, self._inequalities], format="csr")))
 
     def _favoured(self, reduced: NDArray[np.float64]) -> NDArray[np.bool_]:
         """The candidates that the search looks at: favoured ones, and those of the plan."""
