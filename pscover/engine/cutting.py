@@ -40,7 +40,7 @@ CORE, EACH = 20, 20
 """Candidates a row that the programme begins with, by their reduced costs, and of each row at least."""
 JOIN = 2
 """Most candidates a row that join it at once."""
-FLAT, LEVEL = 4, 4e-4
+FLAT, LEVEL = 3, 1e-3
 """It ends when the bound has risen by less than this part of it in so many rounds."""
 SAFE = 1e-10
 """What a bound may lose to rounding, relative to it."""

@@ -57,7 +57,9 @@ def missed_facet(entry: FloatArray, taken: FloatArray, dear: FloatArray) -> tupl
     covers = choices[(total >= 1.0 - SAFE) & (total - smallest < 1.0 - SAFE)]
     if not len(covers):
         return None
-    programme = Programme(taken[inside], csr_array(covers), np.ones(len(covers)))
+    held, ends = np.nonzero(covers)[1], np.cumsum(covers.sum(axis=1)).astype(np.int64)
+    rows = csr_array((np.ones(len(held)), held, np.append(0, ends)), shape=covers.shape)
+    programme = Programme(taken[inside], rows, np.ones(len(covers)))
     if not programme.run(STEPS, SECONDS):
         return None
     facet = programme.x
