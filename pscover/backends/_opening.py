@@ -144,7 +144,7 @@ class Opening:
         """Look for a better plan among favoured candidates until so many moves bring none."""
         hunt, columns = self._hunt(turn)
         before = self.cost
-        while hunt.idle < patience and not self.session.over() and not self.session.is_proven():
+        while hunt.idle < patience and not self._is_over():
             if hunt.turn(hunt.moves - hunt.idle + patience):
                 self._take(columns[hunt.plan])
         if self.plan is None:
