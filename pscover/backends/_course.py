@@ -21,7 +21,7 @@ from pscover.presolve.reduced import Outcome, Reduced
 from pscover.result import Answer, Progress, Status
 
 from ._beside import Beside
-from ._kernels import PAUSE, await_kernels, certifying, feasible_start, least_step, plain_plan
+from ._kernels import PAUSE, await_kernels, certifying, feasible_start, least_step, plain_plan, reserve
 from ._neighbourhoods import Neighbourhoods
 from ._session import CLAIMED, Session
 
@@ -93,6 +93,7 @@ class Course:
     def answer(self) -> Answer:
         """Go through the stages until nothing is open or the session is over."""
         session = self.session
+        reserve(session, self.form)
         self._adopt_start()
         self._tell()
         try:

@@ -17,6 +17,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 SHORTEST, LONGEST, PART = 0.02, 0.5, 0.1
 """Seconds to improve a certificate, at least and at most, and the part of what the proof took."""
+NOTING, MOST_RESERVED = 1.5e-6, 0.1
+"""Seconds an entry that it takes to write down a certificate, and the most of what is left that is kept for it."""
 PAUSE = 2e-3
 """Seconds between two looks at whether the kernels are ready."""
 MOST_LOADING = 5.0
@@ -59,6 +61,14 @@ def are_loaded_within(seconds: float, session: Session) -> bool:
 def certifying(session: Session) -> float:
     """Seconds to look for more than the proof knows to certify its bound: a small part of what the proof took."""
     return min(LONGEST, max(SHORTEST, PART * session.seconds), session.left / 2)
+
+
+def reserve(session: Session, form: CoverForm) -> None:
+    """Keep the time that it takes to write down what a form's rows pay, if that is done, but not much of what is left."""
+    from pscover.engine.certify import MOST
+
+    if form.W.nnz <= MOST:
+        session.reserved = min(NOTING * form.W.nnz, MOST_RESERVED * session.left)
 
 
 def await_kernels(session: Session) -> bool:

@@ -47,6 +47,7 @@ class Session:
         self.chosen: IntArray | None = None
         self.objective = math.inf
         self.bound = -math.inf
+        self.reserved = 0.0
         self.asked = False
         self.expired = False
         self.told = -math.inf
@@ -65,12 +66,12 @@ class Session:
 
     @property
     def left(self) -> float:
-        """Seconds left, not below 1 ms so that engines accept it; infinite without a limit."""
-        return max(1e-3, self.settings.time - self.seconds)
+        """Seconds left before what is reserved, not below 1 ms so that engines accept it; infinite without a limit."""
+        return max(1e-3, self.settings.time - self.reserved - self.seconds)
 
     def over(self) -> bool:
         """Whether to stop: the observer asked to, or the time is up."""
-        if self.seconds >= self.settings.time:
+        if self.seconds >= self.settings.time - self.reserved:
             self.expired = True
         return self.asked or self.expired
 

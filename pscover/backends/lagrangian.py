@@ -15,7 +15,7 @@ from pscover.model import CoverForm, Model, as_cover
 from pscover.result import Answer, Observer, Settings, Status
 
 from ._cover import dual_bound, hopeless_rows, refusal
-from ._kernels import await_kernels, certifying, feasible_start, least_step, plain_plan
+from ._kernels import await_kernels, certifying, feasible_start, least_step, plain_plan, reserve
 from ._session import Session
 
 if TYPE_CHECKING:
@@ -79,6 +79,8 @@ class Lagrangian:
         if start is not None:
             session.plan(start, float(form.c[start].sum()) + model.offset)
         is_ready = several(form) is None and not session.is_proven() and await_kernels(session)
+        if is_ready:
+            reserve(session, form)
         block = self._improve(form, session, start) if is_ready else None
         status = Status.OPTIMAL if session.is_proven() else Status.UNKNOWN
         answer = session.answer(Status.INFEASIBLE if block is not None and block.is_infeasible else status)
