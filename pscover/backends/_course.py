@@ -39,6 +39,8 @@ RATE, SLOW = 2e5, 4e3
 """Entries that HiGHS takes in a second before it brings anything, where they are full and where several work together."""
 LESS = 0.6
 """The part of its share of the time that HiGHS gets where several candidates work together."""
+PATIENCE = 1.6
+"""How many times the time for searching and bounding a relaxation at work may take."""
 CLOSE, MOST = 0.01, 0.9
 """A gap, relative to the plan, that HiGHS is likely to close, and the part of the time that it gets for that."""
 TREE = 0.6
@@ -262,8 +264,10 @@ class Course:
             now = perf_counter()
             last = now if moved else last
             still = now - last > 0.3 + 0.5 * (last - began)
-            settled = all(block.is_settled and (still or block.is_idle) for block in blocks)
-            if now - began > seconds or (settled and not forever):
+            settled = all(block.is_settled and (still or block.is_idle or _is_close(block)) for block in blocks)
+            # What HiGHS gets next is worth more with the inequalities.
+            most = PATIENCE * seconds if any(block.cutting is not None for block in blocks) else seconds
+            if now - began > most or (settled and not forever):
                 return
 
     def _finish(self) -> None:
@@ -315,7 +319,7 @@ class Course:
         return moved
 
     def _share_of(self, block: Block) -> float:
-        if block.is_fractional and block.cost - block.bound < CLOSE * block.cost:
+        if _is_close(block):
             return MOST
         return LESS * self.share if block.is_fractional else self.share
 
@@ -357,6 +361,10 @@ class Course:
             if answer.status is Status.OPTIMAL and answer.chosen is not None:
                 block.is_exhausted, block.bound = True, block.cost
         self._tell()
+
+
+def _is_close(block: Block) -> bool:
+    return block.is_fractional and block.cost - block.bound < CLOSE * block.cost
 
 
 def _misses(model: Model, chosen: IntArray) -> float:
