@@ -19,7 +19,7 @@ from pscover.engine.block import Block
 from pscover.engine.cutting import Cutting
 from pscover.engine.problem import problem_of
 from pscover.engine.programme import Programme
-from pscover.engine.rounding import rounded, violated
+from pscover.engine.rounding import Rounded, rounded, violated
 from pscover.enumeration import enumerate_best
 from pscover.generate.psc import random_psc
 from pscover.goal import Cover
@@ -60,7 +60,9 @@ def test_inequalities_hold_for_every_choice_that_meets_the_row() -> None:
         point = np.round(random.uniform(0, 1, 9) ** 2, 2) * (random.uniform(size=9) < 0.7)
         point[random.integers(9)] = 1.0
         for one in violated(W, point):
-            coefficients, right = rounded(entries, point, one)
+            found = rounded(entries, point, one)
+            assert found is not None
+            coefficients, right = found
             assert (coefficients >= 0).all()
             assert coefficients @ point < right
             assert (meets @ coefficients >= right - 1e-9).all()
@@ -165,3 +167,33 @@ def test_a_model_with_the_inequalities_has_the_same_optimum() -> None:
         assert found.chosen is not None
         assert form.c[kept[found.chosen]].sum() == pytest.approx(best)
     assert seen >= 4
+
+
+def test_nothing_is_rounded_where_other_candidates_are_in_the_point() -> None:
+    entries, point = np.full(40, 0.3), np.full(40, 0.9)
+    found = violated(csr_array(entries[None]), point)
+    assert all(rounded(entries, point, one) is None for one in found)
+    wide = Rounded(missed=1.0, row=0, divisor=0.3, level=0.5)
+    assert rounded(entries, point, wide) is None
+
+
+def test_more_cliques_than_candidates_keep_the_bound() -> None:
+    seen = 0
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        W = csr_array(random.uniform(0.2, 0.7, (3, 10)) * (random.uniform(size=(3, 10)) < 0.8))
+        pairs = [(a, b) for a, b in itertools.combinations(range(10), 2) if random.uniform() < 0.5]
+        P = csr_array(
+            (np.ones(2 * len(pairs)), np.array(pairs).ravel(), 2 * np.arange(len(pairs) + 1)), shape=(len(pairs), 10)
+        )
+        form = CoverForm(c=random.integers(1, 6, 10).astype(float), W=W, P=P, allowed=np.ones(10, dtype=np.bool_))
+        choices = whole_points(10)
+        good = (choices @ P.toarray().T <= 1).all(axis=1) & (choices @ W.toarray().T >= 1 - 1e-9).all(axis=1)
+        best = (choices[good] @ form.c).min(initial=np.inf)
+        seen += np.isfinite(best)
+        _, kept = problem_of(form)
+        found = Cutting(form, kept, form.c[kept])
+        while not found.is_finished:
+            found.turn()
+            assert found.bound <= best + 1e-7
+    assert seen >= 6

@@ -86,7 +86,7 @@ class Cutting:
         self._P = csr_array(P[np.diff(P.indptr) >= 2])
         self._cost = np.asarray(form.c[kept], dtype=np.float64)
         self._row = np.repeat(np.arange(self._W.shape[0]), np.diff(self._W.indptr))
-        self._home = len(kept) + np.arange(len(kept))
+        self._home = self._P.shape[0] + np.arange(len(kept))
         clique = np.repeat(np.arange(self._P.shape[0]), np.diff(self._P.indptr))
         self._home[self._P.indices] = clique
         self._columns = self._first(reduced)
@@ -174,7 +174,7 @@ class Cutting:
                 least[cut.row] += price * cut.right
         toll = np.asarray(self._P.T @ z)
         reduced = self._cost + toll - np.bincount(self._W.indices, paid, len(self._cost))
-        gain = np.zeros(2 * len(self._cost) + cliques)
+        gain = np.zeros(cliques + len(self._cost))
         np.minimum.at(gain, self._home, reduced)
         bound = float(least.sum() - z.sum() + gain.sum())
         bound -= SAFE * abs(bound)
@@ -217,7 +217,9 @@ class Cutting:
         first, self._next = self._next, min(self._next + (min(many, FACETS) if self._is_deep else many), self._W.shape[0])
         for one in violated(csr_array(self._inside[first : self._next]), self._point):
             entry, taken, _ = self._of(first + one.row)
-            self._found.append(Cut(first + one.row, *rounded(entry, taken, one)))
+            inequality = rounded(entry, taken, one)
+            if inequality is not None:
+                self._found.append(Cut(first + one.row, *inequality))
         for row in range(first, self._next) if self._is_deep else ():
             facet = self._facet(row)
             if facet is not None:

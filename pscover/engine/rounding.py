@@ -58,9 +58,8 @@ def violated(W: csr_array, x: FloatArray) -> list[Rounded]:
 
     >>> point = np.array([1.0, 1.0, 0.5, 0.0])
     >>> one = violated(csr_array([[0.4, 0.4, 0.4, 0.4]]), point)[0]
-    >>> coefficients, right = rounded(np.full(4, 0.4), point, one)
-    >>> (coefficients + 0.0).round(6).tolist(), round(right, 6)
-    ([0.0, 0.0, 1.0, 1.0], 1.0)
+    >>> rounded(np.full(4, 0.4), point, one)
+    (array([0., 0., 1., 1.]), 1.0)
     """
     rows = W.shape[0]
     row = np.repeat(np.arange(rows), np.diff(W.indptr))
@@ -87,8 +86,10 @@ def violated(W: csr_array, x: FloatArray) -> list[Rounded]:
     return kept
 
 
-def rounded(entry: FloatArray, taken: FloatArray, one: Rounded) -> tuple[FloatArray, float]:
+def rounded(entry: FloatArray, taken: FloatArray, one: Rounded) -> tuple[FloatArray, float] | None:
     """The inequality of a row with these entries: its coefficients, all >= 0, and its right side.
+
+    None where T is not what it was looked for with, because more candidates than are looked at are in the point.
 
     Parameters
     ----------
@@ -98,6 +99,8 @@ def rounded(entry: FloatArray, taken: FloatArray, one: Rounded) -> tuple[FloatAr
     is_flipped = taken >= one.level
     right = (1.0 - SAFE - float(entry[is_flipped].sum())) / one.divisor
     whole = np.floor(right + 1e-12)
+    if whole < 0 or right - whole <= LEAST:
+        return None
     coefficient = _rounding(np.where(is_flipped, -entry, entry) / one.divisor, right - whole)
     return np.abs(coefficient), float(whole + 1.0 - coefficient[is_flipped].sum())
 
