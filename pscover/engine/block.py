@@ -492,8 +492,7 @@ class Block:
         account, order = self._account, None
         if self.cutting is not None and math.isfinite(self.cutting.bound):
             self._adopt_prices(self.cutting)
-        if self.multipliers is not None and len(self.kept):
-            account.note(self._numbers(), self.multipliers.kept, self.shares)
+        self._note()
         sweep = self.sweep
         is_swept = sweep is not None and not sweep.has_given_up and (sweep.is_finished or sweep.lower >= self.bound - 1e-9)
         if is_swept and math.isfinite(self.cost):
@@ -536,12 +535,8 @@ class Block:
     def model(self) -> tuple[Model, IntArray]:
         """What is left as a model, with the inequalities found for its rows, and its candidates in the block."""
         kept = problem_of(self.form)[1]
-        return model_of(self.strengthened.among(kept)), kept
-
-    @property
-    def strengthened(self) -> CoverForm:
-        """The form with the inequalities found for its rows as further rows."""
-        return replace(self.form, W=csr_array(vstack([self.form.W, self._inequalities], format="csr")))
+        rows = vstack([self.form.W, self._inequalities], format="csr")
+        return model_of(replace(self.form, W=csr_array(rows)).among(kept)), kept
 
     def _favoured(self, reduced: NDArray[np.float64]) -> NDArray[np.bool_]:
         """The candidates that the search looks at: favoured ones, and those of the plan."""

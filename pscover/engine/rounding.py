@@ -101,11 +101,18 @@ def rounded(entry: FloatArray, taken: FloatArray, one: Rounded) -> tuple[FloatAr
     whole = np.floor(right + 1e-12)
     if whole < 0 or right - whole <= LEAST:
         return None
-    coefficient = _rounding(np.where(is_flipped, -entry, entry) / one.divisor, right - whole)
+    coefficient = rounding(np.where(is_flipped, -entry, entry) / one.divisor, right - whole)
     return np.abs(coefficient), float(whole + 1.0 - coefficient[is_flipped].sum())
 
 
-def _rounding(a: FloatArray, part: FloatArray | float) -> FloatArray:
+def rounding(a: FloatArray, part: FloatArray | float) -> FloatArray:
+    """F of coefficients, for the part f that the right side has beyond a whole number.
+
+    Examples
+    --------
+    >>> rounding(np.array([-0.25, 0.25, 0.5, 2.0]), 0.5).tolist()
+    [0.0, 0.5, 1.0, 2.0]
+    """
     floor = np.floor(a)
     found: FloatArray = floor + np.minimum(1.0, (a - floor) / part)
     return found
@@ -128,7 +135,7 @@ def _at_level(entry: FloatArray, point: FloatArray, level: float) -> list[Rounde
     is_usable = part > LEAST
     part = np.where(is_usable, part, 0.5)
     sign = np.where(is_flipped, -1.0, 1.0)
-    coefficient = _rounding((entry * sign)[:, None, :] / divisor[:, :, None], part[:, :, None])
+    coefficient = rounding((entry * sign)[:, None, :] / divisor[:, :, None], part[:, :, None])
     side = np.where(is_flipped, 1.0 - point, point)
     short = k + 1.0 - np.einsum("rds,rs->rd", coefficient, side)
     length = np.sqrt(np.einsum("rds,rds->rd", coefficient, coefficient)) + 1e-9

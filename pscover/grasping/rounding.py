@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pscover.engine.rounding import rounding
 from pscover.grasping.all_poses import AllPoses, IntArray
 
 FloatArray = NDArray[np.float64]
@@ -57,12 +58,6 @@ class Cut:
     least: int
 
 
-def _rounded(a: FloatArray, part: FloatArray) -> FloatArray:
-    floor = np.floor(a)
-    found: FloatArray = floor + np.minimum(1.0, (a - floor) / part)
-    return found
-
-
 def with_cuts(poses: AllPoses, cuts: tuple[Cut, ...]) -> AllPoses:
     """Every pose, with a row more for each inequality, in their order."""
     member = np.zeros((len(cuts), poses.rows))
@@ -73,7 +68,7 @@ def with_cuts(poses: AllPoses, cuts: tuple[Cut, ...]) -> AllPoses:
     for listed, entries in zip(poses.garments, poses.worth, strict=True):
         own = member[:, listed]
         held = np.flatnonzero(own.any(axis=1))
-        more = _rounded(scale[held] * (own[held] @ entries), part[held]) / least[held]
+        more = rounding(scale[held] * (own[held] @ entries), part[held]) / least[held]
         garments.append(np.concatenate((listed, poses.rows + held)))
         worth.append(np.vstack((entries, more)))
     needed = np.append(poses.needed, np.ones(len(cuts)))
@@ -141,7 +136,7 @@ def _missed(sets: IntArray, worth: FloatArray, x: FloatArray, needed: FloatArray
     whole = np.arange(1, LARGEST + 1)
     k, part = np.repeat(whole, len(PARTS)), np.tile(PARTS, len(whole))
     scale = (k + part) / asked[:, None]
-    counted = _rounded(scale[:, :, None] * amount[:, None, :], part[None, :, None]) @ x
+    counted = rounding(scale[:, :, None] * amount[:, None, :], part[None, :, None]) @ x
     miss = 1.0 - counted / (k + 1)
     best = miss.argmax(axis=1)
     at = np.arange(len(sets))
