@@ -46,7 +46,7 @@ def prepare() -> None:
     shares = rowwise.shares(problem, multipliers.y)
     rowwise.improve(problem, shares, 1, 2.0)
     facets.lift(np.full(2, 0.6), np.array([1, -1], dtype=np.int32), np.arange(2, dtype=np.int32), np.zeros(1), 1.0)
-    sweep.Sweep(problem, shares, np.zeros(3, dtype=np.bool_), 0.0, 1.0).turn(100, 2.0)
+    sweep.Sweep(problem, shares, np.zeros(3, dtype=np.bool_), 0.0, 1.0).turn(100_000, 2.0)
 
 
 def is_on_disk() -> bool:
