@@ -18,6 +18,7 @@ from .certify import Known
 from .favoured import blurred, favoured
 from .problem import IntArray, Problem, problem_of
 from .rowwise import STEPS as TAKEN
+from .subgradient import BOUND, LENGTH, STEPS
 from .sweep import Sweep, worth
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ EACH, MANY = 5, 20
 """Of each row at least so many, in the two cases."""
 SIZES = ((12, 20), (7, 12), (4, 8))
 """The same in turn where the search has looked everywhere."""
-STEPS = 40
+GLANCE = 40
 """Subgradient steps between two looks at the clock, at most."""
 WORK = 400_000
 """Entries that these steps read, at most."""
@@ -244,8 +245,10 @@ class Block:
 
     def _hopeless(self) -> NDArray[np.bool_]:
         """Candidates that no better plan has, by the prices of rows."""
+        from . import rowwise
+
         assert self.shares is not None
-        bound = float(self.shares.value[0]) - self._extra
+        bound = float(self.shares.value[rowwise.BOUND]) - self._extra
         most: NDArray[np.bool_] = bound + self.shares.penalty > worth(self.cost, self.step) + 1e-7
         return most
 
@@ -323,7 +326,7 @@ class Block:
         if self._stall < 2:
             risen = self.ascend()
             if self._stall >= 2 or (
-                self.multipliers is not None and not self.has_core and self.multipliers.value[4] >= WARM
+                self.multipliers is not None and not self.has_core and self.multipliers.value[STEPS] >= WARM
             ):
                 self._shrink_by_prices()
             return risen
@@ -333,16 +336,16 @@ class Block:
 
     def ascend(self) -> bool:
         """A few subgradient steps; whether the bound rose."""
-        from .subgradient import LENGTH, ascend, multipliers
+        from .subgradient import ascend, multipliers
 
         if self.multipliers is None:
             self.multipliers = multipliers(self.problem)
-        before = float(self.multipliers.value[0])
+        before = float(self.multipliers.value[BOUND])
         goal = min(self.cost, AIM * before) if before > 0 else self.cost
         if not math.isfinite(self.cost):
             goal = 2 * max(1.0, before) + 1
         size = 2 * len(self.problem.lines) + self.problem.candidates + self.problem.rows
-        bound = float(ascend(self.problem, self.multipliers, max(1, min(STEPS, WORK // (size + 1))), goal))
+        bound = float(ascend(self.problem, self.multipliers, max(1, min(GLANCE, WORK // (size + 1))), goal))
         self._stall = self._stall + 1 if self.multipliers.value[LENGTH] <= SHORTEST else 0
         if self.plan is None and bound > self.problem.cost.sum() * (1 + 1e-9):
             self.is_infeasible = True
@@ -390,7 +393,7 @@ class Block:
 
     def _tighten(self) -> bool:
         """A few steps on the shares of the rows; whether the bound rose."""
-        from .rowwise import LENGTH, improve, tolls
+        from .rowwise import BOUND, LENGTH, improve, tolls
 
         assert self.multipliers is not None
         entries = len(self.problem.lines)
@@ -401,10 +404,10 @@ class Block:
             self._share_out(tolls(self.problem, self.multipliers.kept))
             assert self.shares is not None
         extra, state = self._extra, self.shares
-        before = float(state.value[0])
+        before = float(state.value[BOUND])
         # Without a plan an aim that is neither out of reach nor reached: steps towards infinity lead nowhere.
         goal = extra + (self.cost if math.isfinite(self.cost) else 2 * max(1.0, before - extra) + 1)
-        bound = float(improve(self._tolled, state, max(1, min(STEPS, WORK // (50 * entries + 1))), goal))
+        bound = float(improve(self._tolled, state, max(1, min(GLANCE, WORK // (50 * entries + 1))), goal))
         is_vain = state.value[TAKEN] >= ROUGHLY and not state.penalty.any()
         if state.value[LENGTH] < SHORTEST or is_vain or (bound >= goal and math.isfinite(self.cost)):
             self._has_tightened = True

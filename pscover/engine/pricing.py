@@ -10,7 +10,7 @@ from pscover.model import CoverForm
 
 from .favoured import favoured
 from .problem import COLUMN, LINE, FloatArray, IntArray, Problem, problem_of
-from .subgradient import LENGTH, Multipliers, ascend
+from .subgradient import BOUND, LENGTH, ascend, begun
 
 CORE, EACH = 12, 20
 """Candidates of least reduced cost in a core, for each row: so many overall, and so many of those that cover it."""
@@ -72,9 +72,9 @@ class Pricing:
         """A round: choose candidates, take steps, price all; whether the bound rose."""
         self._core[self.favoured(self._last, CORE, EACH)] = True
         problem = self._by_column(np.flatnonzero(self._core))
-        state = self._from_here(problem)
+        state = begun(problem, self._y, self._length)
         for _ in range(REPEATS):
-            top = max(float(state.value[0]), self.bound)
+            top = max(float(state.value[BOUND]), self.bound)
             ascend(problem, state, STEPS, self._aim * top if top > 0 else 1.0 + float(self._y.sum()))
         self._y, self._length = state.kept, max(float(state.value[LENGTH]), 0.02)
         before = self.bound
@@ -135,12 +135,6 @@ class Pricing:
             home=np.where(home < cliques, home, -1).astype(np.int32),
             cliques=np.array([cliques], dtype=np.int32),
         )
-
-    def _from_here(self, problem: Problem) -> Multipliers:
-        """The multipliers of the last round, over another core."""
-        n, m = problem.candidates, problem.rows
-        value = np.array([-np.inf, self._length, np.inf, -np.inf, 0.0, 0.0])
-        return Multipliers(self._y.copy(), self._y.copy(), problem.cost.copy(), np.zeros(m), np.zeros(n), value)
 
     def _price(self) -> tuple[FloatArray, FloatArray]:
         """Price all candidates at the multipliers as they are; the reduced costs at the best ones, and at these."""

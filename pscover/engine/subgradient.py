@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .jit import copy, inner, kernel
+from .jit import copy, kernel
 from .problem import FloatArray, IntArray, Problem
 
 PERIOD = 20
 """Steps after which the length of a step is reconsidered."""
 # Places in Multipliers.value.
-BOUND, LENGTH, LOW, HIGH, STEPS, LAST = range(6)
+BOUND, LENGTH, HIGH, STEPS, LAST = range(5)
 
 
 class Multipliers(NamedTuple):
@@ -29,8 +29,8 @@ class Multipliers(NamedTuple):
     chosen
         Shape (candidates,): what the inner problem chose last, averaged over steps: near a point of the relaxation.
     value
-        The best bound, the step length, lowest and highest bound of the period, the number of steps, and the best bound when
-        the period began.
+        The best bound, the step length, the highest bound of the period, the number of steps, and the best bound when the
+        period began.
     """
 
     y: FloatArray
@@ -50,15 +50,19 @@ def multipliers(problem: Problem) -> Multipliers:
     filled = np.diff(problem.rptr) > 0
     if filled.any():
         y[filled] = np.minimum.reduceat(each[problem.lines["candidate"]], problem.rptr[:-1][filled])
-    value = np.array([-np.inf, 0.5, np.inf, -np.inf, 0.0, 0.0])
-    return Multipliers(y, y.copy(), problem.cost.copy(), np.zeros(problem.rows), np.zeros(n), value)
+    return begun(problem, y, 0.5)
 
 
 def carried(problem: Problem, old: Multipliers) -> Multipliers:
     """The best multipliers for a problem with the same rows and fewer candidates."""
-    n = problem.candidates
-    value = np.array([-np.inf, max(0.02, old.value[LENGTH]), np.inf, -np.inf, 0.0, 0.0])
-    return Multipliers(old.kept.copy(), old.kept.copy(), problem.cost.copy(), np.zeros(problem.rows), np.zeros(n), value)
+    return begun(problem, old.kept, max(0.02, float(old.value[LENGTH])))
+
+
+def begun(problem: Problem, y: FloatArray, length: float) -> Multipliers:
+    """The method at multipliers y, before its first step, which is of such a length."""
+    n, m = problem.candidates, len(y)
+    value = np.array([-np.inf, length, -np.inf, 0.0, 0.0])
+    return Multipliers(y.copy(), y.copy(), problem.cost.copy(), np.zeros(m), np.zeros(n), value)
 
 
 def ascend(problem: Problem, state: Multipliers, steps: int, goal: float) -> float:
@@ -67,10 +71,17 @@ def ascend(problem: Problem, state: Multipliers, steps: int, goal: float) -> flo
     The bound is sum_j y_j + sum over cliques of min(0, least reduced cost) + the negative reduced costs outside cliques:
     valid because a candidate's other cliques are left out. `goal` is the cost of a plan, which the steps aim at.
     """
-    n, cliques = problem.candidates, int(problem.cliques[0])
+    n, cliques, value = problem.candidates, int(problem.cliques[0]), state.value
     whole = np.empty(n + cliques, dtype=np.int32)
-    climb(problem, state, steps, goal, np.empty(problem.rows), np.empty(n), np.empty(cliques), whole[:n], whole[n:])
-    return float(state.value[BOUND])
+    room = np.empty(problem.rows), np.empty(n), np.empty(cliques), whole[:n], whole[n:]
+    is_over = False
+    while steps > 0 and not is_over:
+        some = min(steps, PERIOD - int(value[STEPS]) % PERIOD)
+        is_over = bool(climb(problem, state, some, goal, *room))
+        steps -= some
+        if not is_over and value[STEPS] % PERIOD == 0:
+            _reconsider(state)
+    return float(value[BOUND])
 
 
 @kernel
@@ -84,8 +95,8 @@ def climb(
     least: FloatArray,
     picked: IntArray,
     which: IntArray,
-) -> None:
-    """Take steps, with room for a number of each row, two of each candidate and two of each clique."""
+) -> bool:
+    """Take steps, with room for a number of each row, two of each candidate and two of each clique; whether none is left."""
     n, m = len(reduced), len(slack)
     y, value, chosen, columns, cptr = state.y, state.value, state.chosen, problem.columns, problem.cptr
     for _ in range(steps):
@@ -130,7 +141,9 @@ def climb(
             value[BOUND] = total
             copy(state.kept, y)
             copy(state.reduced, reduced)
-        _reconsider(value, total, y, state.kept)
+        if total > value[HIGH]:
+            value[HIGH] = total
+        value[STEPS] += 1
         norm = 0.0
         for j in range(m):
             d = slack[j]
@@ -140,30 +153,21 @@ def climb(
             state.direction[j] = d
             norm += d * d
         if norm <= 1e-18 or goal <= total:
-            break
+            return True
         step = value[LENGTH] * (goal - total) / norm
         for j in range(m):
             more = y[j] + step * state.direction[j]
             y[j] = more if more > 0.0 else 0.0
+    return False
 
 
-@inner
-def _reconsider(value: FloatArray, total: float, y: FloatArray, kept: FloatArray) -> None:
+def _reconsider(state: Multipliers) -> None:
     """At the end of a period: steady progress asks for longer steps, none for shorter ones from the best point."""
-    if total < value[LOW]:
-        value[LOW] = total
-    if total > value[HIGH]:
-        value[HIGH] = total
-    value[STEPS] += 1
-    if value[STEPS] % PERIOD != 0:
-        return
+    value = state.value
     length, high, last = value[LENGTH], value[HIGH], value[LAST]
     if high > last + 1e-4 * abs(last):
-        length *= 1.3
-        value[LENGTH] = length if length < 2.0 else 2.0
+        value[LENGTH] = min(2.0, length * 1.3)
     elif high <= last:
-        length *= 0.6
-        value[LENGTH] = length if length > 1e-4 else 1e-4
-        copy(y, kept)
-    value[LAST] = value[BOUND]
-    value[LOW], value[HIGH] = np.inf, -np.inf
+        value[LENGTH] = max(1e-4, length * 0.6)
+        state.y[:] = state.kept
+    value[HIGH], value[LAST] = -np.inf, value[BOUND]

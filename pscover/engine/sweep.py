@@ -131,7 +131,7 @@ def undominated(
     for o in range(len(order)):
         i = order[o]
         cost = price[i]
-        key = mine = 0
+        key = mine = wide(0)
         for s in range(width):
             need = needs[i, s]
             key = (key * 1000003 + int(need * 1e12)) & 0xFFFFFFFFFFFF

@@ -1,4 +1,4 @@
-"""Getting the kernels ready without holding anybody up: from disk in a thread, compiled in a process of its own at first."""
+"""Getting kernels ready without holding anybody up: from disk in a thread, compiled in processes of their own at first."""
 
 from __future__ import annotations
 
@@ -10,12 +10,21 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pscover.engine.jit import sources
 
-COMPILE = "import sys; sys.path[:] = sys.argv[1:]; from pscover.engine.warm import compile_in_turn; compile_in_turn()"
+if TYPE_CHECKING:
+    from .problem import Problem
+
+COMPILE = """
+import sys
+part, *sys.path[:] = sys.argv[1:]
+from pscover.engine.warm import compile_in_turn
+compile_in_turn(int(part))
+"""
 KINDNESS = 10
 """How much a compiling process steps back behind the one that plans meanwhile (nice)."""
 OBJECTS = 50_000
@@ -23,24 +32,60 @@ OBJECTS = 50_000
 
 
 def prepare() -> None:
-    """Load or compile every kernel, by calling it on a problem of one row."""
-    import numpy as np
-    from scipy.sparse import csr_array
+    """Load or compile every kernel."""
+    for part in _parts():
+        part.prepare()
 
-    from pscover.model import CoverForm
-    from pscover.presolve.components import components
 
-    from . import facets, greedy, replaced, rowwise, state, subgradient, sweep, weighting
-    from .problem import problem_of
+def is_on_disk() -> bool:
+    """Whether every kernel has been compiled before, by this version of the sources and of numba."""
+    return all(part.is_on_disk for part in _parts())
 
-    W, P = csr_array(np.array([[0.5, 0.6, 0.7]])), csr_array(np.array([[1.0, 1.0, 0.0]]))
-    form = CoverForm(c=np.ones(3), W=W, P=P, allowed=np.ones(3, dtype=np.bool_))
-    components(form)  # for what it imports
-    problem, _ = problem_of(form)
+
+class Part(NamedTuple):
+    """Kernels that share most of what they are made of, and what calls each of them, on a problem of one row."""
+
+    kernels: tuple[Any, ...]
+    prepare: Callable[[], object]
+
+    @property
+    def is_on_disk(self) -> bool:
+        """Whether they have been compiled before."""
+        try:
+            return all(kernel._cache._cache_file._load_index() for kernel in self.kernels)
+        except AttributeError:
+            return False
+
+
+PARTS = 2
+"""In so many parts kernels are compiled side by side: each takes about as long."""
+
+
+def _parts() -> tuple[Part, Part]:
+    """What looks for plans, and what proves how good they are."""
+    from . import facets, greedy, replaced, rowwise, subgradient, sweep, tables, weighting
+
+    plans = greedy.start, weighting.search, replaced.thin
+    bounds = subgradient.climb, rowwise.move, facets.lift, tables.go_back, sweep.expand, sweep.undominated
+    return Part(plans, _look_for_a_plan), Part(bounds, _prove)
+
+
+def _look_for_a_plan() -> None:
+    from . import greedy, replaced, state, weighting
+
+    problem = _one_row()
     plan = state.empty(problem, 0)
     greedy.choose(problem, plan, problem.cost)
     weighting.search(problem, plan, 100, 2)
     replaced.stand_ins(problem)
+
+
+def _prove() -> None:
+    import numpy as np
+
+    from . import facets, rowwise, subgradient, sweep
+
+    problem = _one_row()
     multipliers = subgradient.multipliers(problem)
     subgradient.ascend(problem, multipliers, 1, 2.0)
     shares = rowwise.shares(problem, multipliers.y)
@@ -49,54 +94,53 @@ def prepare() -> None:
     sweep.Sweep(problem, shares, np.zeros(3, dtype=np.bool_), 0.0, 1.0).turn(100_000, 2.0)
 
 
-def is_on_disk() -> bool:
-    """Whether every kernel has been compiled before, by this version of the sources and of numba."""
-    from . import facets, greedy, replaced, rowwise, subgradient, sweep, tables, weighting
+def _one_row() -> Problem:
+    """A problem of three candidates, two of which exclude each other."""
+    import numpy as np
+    from scipy.sparse import csr_array
 
-    kernels: tuple[Any, ...] = (
-        replaced.thin,
-        greedy.start,
-        weighting.search,
-        subgradient.climb,
-        rowwise.move,
-        facets.lift,
-        sweep.expand,
-        sweep.undominated,
-        tables.go_back,
-    )
-    try:
-        return all(kernel._cache._cache_file._load_index() for kernel in kernels)
-    except AttributeError:
-        return False
+    from pscover.model import CoverForm
+    from pscover.presolve.components import components
+
+    from .problem import problem_of
+
+    W, P = csr_array(np.array([[0.5, 0.6, 0.7]])), csr_array(np.array([[1.0, 1.0, 0.0]]))
+    form = CoverForm(c=np.ones(3), W=W, P=P, allowed=np.ones(3, dtype=np.bool_))
+    components(form)  # for what it imports
+    return problem_of(form)[0]
 
 
-def compile_in_turn() -> None:
-    """All that a compiling process does: compile at low priority, unless another one has while this one waited for it."""
+def compile_in_turn(number: int) -> None:
+    """All that a compiling process does: compile a part at low priority, unless another has while this one waited for it."""
     if hasattr(os, "nice"):
         os.nice(KINDNESS)
-    turn = _turn()
-    if not is_on_disk():
+    part = _parts()[number]
+    turn = _turn(part)
+    if not part.is_on_disk:
         gc.set_threshold(OBJECTS)
-        prepare()
+        part.prepare()
     if turn is not None:
         os.close(turn)
 
 
-def _turn() -> int | None:
-    """Wait until no other process compiles; a lock that ends with the process. None where the system has none."""
+def _turn(part: Part) -> int | None:
+    """Wait until no other process compiles the part; a lock that ends with the process. None where the system has none."""
     try:
         import fcntl
 
-        from . import greedy
-
-        kernel: Any = greedy.start
-        digest = hashlib.sha256(f"{sources()} {kernel._cache.cache_path}".encode()).hexdigest()
+        kernel = part.kernels[0]
+        digest = hashlib.sha256(f"{sources()} {kernel._cache.cache_path} {kernel.__name__}".encode()).hexdigest()
         path = Path(tempfile.gettempdir()) / f"pscover-{os.getuid()}-{digest[:16]}.lock"
         lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
         fcntl.flock(lock, fcntl.LOCK_EX)
     except (ImportError, AttributeError, OSError):
         return None
     return lock
+
+
+def _compiling(number: int) -> subprocess.Popen[bytes]:
+    none, line = subprocess.DEVNULL, [sys.executable, "-c", COMPILE, str(number), *sys.path]
+    return subprocess.Popen(line, stdin=none, stdout=none, stderr=none)
 
 
 class Warming:
@@ -128,11 +172,10 @@ class Warming:
     def _run(self) -> None:
         try:
             if not is_on_disk():
-                # Compiling here would keep the caller's thread from running; what the process compiles is found on disk.
-                line = [sys.executable, "-c", COMPILE, *sys.path]
-                subprocess.run(
-                    line, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False
-                )
+                # Compiling here would keep the caller's thread from running; what the processes compile is found on disk.
+                compiling = [_compiling(number) for number in range(PARTS)]
+                for process in compiling:
+                    process.wait()
             self._loading.set()
             prepare()
         except BaseException as error:
