@@ -17,6 +17,7 @@ from pscover.backends._course import Course
 from pscover.backends._kernels import await_kernels, least_step
 from pscover.backends._neighbourhoods import Neighbourhoods
 from pscover.backends._session import Session
+from pscover.engine.unreduced import unreduced
 from pscover.engine.warm import warming
 from pscover.generate.psc import random_psc
 from pscover.instance import Instance
@@ -177,3 +178,21 @@ def test_the_plan_survives_an_engine_that_dies(monkeypatch: pytest.MonkeyPatch) 
     assert len(calls) == 2
     assert block.is_open
     assert block.plan is plan
+
+
+def test_searches_that_end_leave_their_plans() -> None:
+    model = registry.formulation("clique").build(random_psc(30, 150, covers=4, dearest=90, required=0.95, seed=2))
+    form = as_cover(model)
+    block = Course(form, unreduced(form), Session(model, Settings(time=30.0), ignore), 0.5).blocks[0]
+    assert block.is_varied
+    while len(block.others) < 2:
+        block.search()
+        if block.has_core:
+            block.refocus()
+        elif block.is_idle:
+            while not block.has_core:
+                block.bind()
+    costs = [float(form.c[plan].sum()) for plan in block.others]
+    assert costs == sorted(costs)
+    assert costs[0] == block.cost
+    assert all((form.W[:, plan].sum(axis=1) >= 1 - 1e-9).all() for plan in block.others)

@@ -74,3 +74,15 @@ def test_forms_whose_candidates_cover_many_rows_do_not_suit() -> None:
     )
     assert Neighbourhoods.suit(sparse)
     assert not Neighbourhoods.suit(dense)
+
+
+def test_other_plans_give_what_they_do_better() -> None:
+    # Two rows; of each a cheap and a dear candidate, and one that is cheaper than either but in none of the plans.
+    W = csr_array(np.repeat(np.eye(2), 3, axis=1))
+    form = CoverForm(c=np.array([2.0, 5.0, 1.0] * 2), W=W, P=csr_array((0, 6)), allowed=np.ones(6, dtype=np.bool_))
+    plans = [np.array([0, 4], dtype=np.int32), np.array([1, 3], dtype=np.int32), np.array([1, 4], dtype=np.int32)]
+    neighbourhoods = Neighbourhoods(form, form.c, 0)
+    assert neighbourhoods._core_of_plans(plans[0], session_of(form), plans).tolist() == [0, 3]
+    # They have their turn after the other two ways.
+    turns = [neighbourhoods.turn(plans[0], session_of(form), plans).tolist() for _ in range(3)]
+    assert turns == [[2, 5], [2, 5], [0, 3]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -35,6 +35,8 @@ BURST = 0.02
 """Seconds of search of one block before the next has its turn."""
 BOUND = 0.06
 """Seconds of bounding after that, where the search has long found nothing."""
+EVEN, NEAR = 0.04, 0.015
+"""Seconds of each instead where costs differ, as long as the gap, relative to the plan, is more than that."""
 RATE, SLOW = 2e5, 4e3
 """Entries that HiGHS takes in a second before it brings anything, where they are full and where several work together."""
 LESS = 0.6
@@ -55,10 +57,21 @@ HASTY = 100_000
 """Entries of a block that it looks at where that does not promise much."""
 AT_ONCE, HURRIED = 0.25, 0.04
 """The part of the time that this may take, in the two cases."""
-PAUSED, EXCHANGED = 0.6, 1.0
+PAUSED, EXCHANGED = 0.6, 0.6
 """Seconds of search between two looks at parts of plans, longer where they bring nothing, and of these."""
+LONGER = 1.5
+"""By what the former grow then."""
 SHORTEST = 0.3
 """Seconds that must be left for branch and bound in a process of its own to be of use."""
+
+
+@dataclass(slots=True)
+class Parts:
+    """When parts of a block's plan are looked at."""
+
+    neighbourhoods: Neighbourhoods
+    next: float = 0.0
+    pause: float = PAUSED
 
 
 class Course:
@@ -70,6 +83,8 @@ class Course:
         self.form, self.reduced, self.session, self.share = form, reduced, session, share
         self.blocks: list[Block] = []
         self.beside: Beside | None = None
+        self._parts: dict[int, Parts] = {}
+        self._is_late = False
         if reduced.status is not Outcome.SOLVED:
             step = least_step(reduced.form.c)
             for part, columns in components(reduced.form):
@@ -257,8 +272,9 @@ class Course:
         while (blocks := self._open()) and not session.over():
             self._hear()
             moved = False
-            for block in blocks:
-                moved |= self._attend(block)
+            for number, block in enumerate(self.blocks):
+                if block.is_open:
+                    moved |= self._attend(block) or self._look_at_parts(number)
                 if session.over():
                     return
             now = perf_counter()
@@ -271,25 +287,39 @@ class Course:
                 return
 
     def _finish(self) -> None:
-        """Search until the time is up, and solve parts of plans in between as long as that helps."""
-        session, pause = self.session, PAUSED
-        suitable = [block for block in self._open() if Neighbourhoods.suit(block.form)]
-        parts = [(block, Neighbourhoods(block.form, block.reduced, block.seed)) for block in suitable]
-        while self._open() and not session.over():
+        """Search until the time is up."""
+        self._is_late = True
+        while self._open() and not self.session.over():
             for block in self._open():
                 block.refocus()
-            self._settle(min(pause, session.left) if parts else session.left)
-            helped = False
-            for block, neighbourhoods in parts:
-                helped |= block.is_open and self._exchange(block, neighbourhoods)
-            pause = PAUSED if helped else 2 * pause
+            self._settle(self.session.left)
+
+    def _look_at_parts(self, number: int) -> bool:
+        """Exchange parts of the plan of a block whose search is quiet, now and then; whether it became cheaper.
+
+        Where entries are full, branch and bound comes first.
+        """
+        block = self.blocks[number]
+        is_ready = block.is_open and block.has_core and block.is_quiet and (block.is_fractional or self._is_late)
+        if not is_ready or not Neighbourhoods.suit(block.form):
+            return False
+        if number not in self._parts:
+            self._parts[number] = Parts(Neighbourhoods(block.form, block.reduced, block.seed))
+        parts = self._parts[number]
+        if perf_counter() < parts.next:
+            return False
+        parts.neighbourhoods.know(block.form, block.reduced)
+        helped = self._exchange(block, parts.neighbourhoods)
+        parts.pause = PAUSED if helped else LONGER * parts.pause
+        parts.next = perf_counter() + parts.pause
+        return helped
 
     def _exchange(self, block: Block, neighbourhoods: Neighbourhoods) -> bool:
         """Exchange parts of a block's plan for a while; whether it became cheaper."""
         end, cost = perf_counter() + EXCHANGED, block.cost
         try:
             while block.plan is not None and perf_counter() < end and not self.session.over():
-                if block.offer(neighbourhoods.turn(block.plan, self.session)):
+                if block.offer(neighbourhoods.turn(block.plan, self.session, block.others)):
                     self._tell()
         except EngineFailed:
             # It only helps: the plan at hand stays.
@@ -304,13 +334,16 @@ class Course:
         session, moved = self.session, False
         if block.has_core:
             block.refocus()
-        end = perf_counter() + (BURST if block.is_focused else 0.0)
+        search, bound = (BURST, BOUND) if block.is_quiet else (BURST, BURST / 2)
+        if block.is_quiet and block.is_varied and not _is_close(block, NEAR):
+            search = bound = EVEN
+        end = perf_counter() + (search if block.is_focused else 0.0)
         while perf_counter() < end and block.is_open and not session.over():
             if block.search():
                 moved = True
                 self._tell()
         if block.is_open and not block.is_settled and not session.over():
-            risen, end = False, perf_counter() + (BOUND if block.is_quiet else BURST / 2)
+            risen, end = False, perf_counter() + bound
             while perf_counter() < end and block.is_open and not block.is_settled and not session.over():
                 risen |= block.bind(session.left)
             if risen or not block.is_open:
@@ -321,6 +354,9 @@ class Course:
     def _share_of(self, block: Block) -> float:
         if _is_close(block):
             return MOST
+        if block.is_fractional and Neighbourhoods.suit(block.form):
+            # Parts and cores of it bring more.
+            return 0.0
         return LESS * self.share if block.is_fractional else self.share
 
     def _branch(self, block: Block) -> None:
@@ -363,8 +399,8 @@ class Course:
         self._tell()
 
 
-def _is_close(block: Block) -> bool:
-    return block.is_fractional and block.cost - block.bound < CLOSE * block.cost
+def _is_close(block: Block, gap: float = CLOSE) -> bool:
+    return block.is_fractional and block.cost - block.bound < gap * block.cost
 
 
 def _misses(model: Model, chosen: IntArray) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +34,8 @@ CORE, SMALLEST = 1.3, 1.1
 """Candidates of a core at first, and at least, times those of a plan."""
 BLUR = 0.1
 """Noise on the reduced costs by which cores are chosen, relative to their mean among candidates as many as four plans."""
+PLANS, FEWEST = 6, 3
+"""Other plans whose candidates make a core, at first, and at least."""
 MORE, FEWER = 1.2, 0.85
 """By what these numbers change after a part that was easy, and after one that was not finished."""
 EASY = 0.4
@@ -47,8 +50,9 @@ class Neighbourhoods:
     """Parts of one form, of a size that HiGHS can just solve.
 
     In turn, neighbours of a plan are given up (Shaw 1998; Pisinger and Ropke 2010) and all of it is, for the sake of a core:
-    the plan and the candidates of least reduced cost. Neighbours cover a random row, or rows of each other; what the others
-    leave short is a problem of the same kind, with few rows.
+    the plan and the candidates of least reduced cost, or those of other good plans (as tours are merged: Cook and Seymour
+    2003). Neighbours cover a random row, or rows of each other; what the others leave short is a problem of the same kind,
+    with few rows.
 
     Parameters
     ----------
@@ -63,10 +67,9 @@ class Neighbourhoods:
     def __init__(self, form: CoverForm, reduced: NDArray[np.float64], seed: int) -> None:
         self.form = form
         self._rows, self._columns = csr_array(form.W), csc_array(form.W)
-        self._reduced = np.where(form.allowed, reduced, np.inf)
-        self._favoured = form.allowed & _least(self._reduced, FAVOURED * form.W.shape[0])
+        self.know(form, reduced)
         self._random = np.random.default_rng(seed)
-        self._size, self._core, self._seconds = float(FIRST), CORE, SECONDS
+        self._size, self._core, self._plans, self._seconds = float(FIRST), CORE, float(PLANS), SECONDS
         self._turns, self._has_grown = 0, True
 
     @staticmethod
@@ -75,31 +78,53 @@ class Neighbourhoods:
         entries, (rows, candidates) = form.W.nnz, form.W.shape
         return bool(0 < entries <= min(LARGE, SPARSE * rows * candidates))
 
-    def turn(self, plan: IntArray, session: Session) -> IntArray:
-        """Solve a part with what is left of a plan: a plan that costs no more."""
+    def know(self, form: CoverForm, reduced: NDArray[np.float64]) -> None:
+        """Go on with the same rows and cliques, fewer candidates, or other reduced costs."""
+        self.form = form
+        self._reduced = np.where(form.allowed, reduced, np.inf)
+        self._favoured = form.allowed & _least(self._reduced, FAVOURED * form.W.shape[0])
+
+    def turn(self, plan: IntArray, session: Session, others: Sequence[IntArray] = ()) -> IntArray:
+        """Solve a part with what is left of a plan: a plan that costs no more. Other plans come cheapest first."""
+        kinds = [self._neighbours, self._core_of_prices, self._core_of_plans][: 2 + (len(others) >= FEWEST)]
         self._turns += 1
-        is_core = self._turns % 2 == 0
-        freed = plan if is_core else self._freed(plan)
+        return kinds[(self._turns - 1) % len(kinds)](plan, session, others)
+
+    def _neighbours(self, plan: IntArray, session: Session, _: Sequence[IntArray]) -> IntArray:
+        found, change = self._solved(plan, self._freed(plan), self._favoured, session)
+        self._size = max(LEAST, change * self._size)
+        return found
+
+    def _core_of_prices(self, plan: IntArray, session: Session, _: Sequence[IntArray]) -> IntArray:
+        found, change = self._solved(plan, plan, self._few(plan), session)
+        self._core, self._has_grown = max(SMALLEST, change * self._core), change > 1.0
+        return found
+
+    def _core_of_plans(self, plan: IntArray, session: Session, others: Sequence[IntArray]) -> IntArray:
+        inside = np.zeros(len(self.form.c), dtype=np.bool_)
+        inside[np.concatenate(others[: round(self._plans)])] = True
+        found, change = self._solved(plan, plan, inside & self.form.allowed, session)
+        self._plans = max(FEWEST, change * self._plans)
+        return found
+
+    def _solved(self, plan: IntArray, freed: IntArray, others: BoolArray, session: Session) -> tuple[IntArray, float]:
+        """A plan that costs no more where a part of it is freed and others may come in; how the next part had better be."""
         fixed = np.setdiff1d(plan, freed)
         left = 1.0 - np.asarray(self.form.W[:, fixed].sum(axis=1)).ravel()
         rows = np.flatnonzero(left > TOLERANCE)
         if not len(rows):
-            return fixed.astype(np.int32)
-        part, columns = self._part(rows, left[rows], fixed, freed, self._few(plan) if is_core else self._favoured)
+            return fixed.astype(np.int32), 1.0
+        part, columns = self._part(rows, left[rows], fixed, freed, others)
         seconds = min(self._seconds, session.left)
         start = tuple(np.flatnonzero(np.isin(columns, freed)).tolist())
         settings = Settings(time=seconds, seed=session.settings.seed, threads=1, gap=0.0, start=start)
         clock = Clock(seconds)
         answer = isolate.run(registry.backend("highs"), model_of(part), settings, lambda _: session.over(), clock)
         change = self._change(answer, clock.left / seconds)
-        if is_core:
-            self._core, self._has_grown = max(SMALLEST, change * self._core), change > 1.0
-        else:
-            self._size = max(LEAST, change * self._size)
-        if answer.chosen is None:
-            return plan
-        better = feasible_start(self.form, [*fixed.tolist(), *columns[answer.chosen].tolist()])
-        return plan if better is None else better
+        better = (
+            None if answer.chosen is None else feasible_start(self.form, [*fixed.tolist(), *columns[answer.chosen].tolist()])
+        )
+        return plan if better is None else better, change
 
     def widen(self) -> None:
         """Go on with larger parts, for which there is more time."""

@@ -67,8 +67,11 @@ BROADEST, READING = 4_000_000, 2e-6
 entry that must be left for it to be begun."""
 PATIENCE = 300
 """Moves a row without a better plan after which a search counts as idle."""
-RESTLESS = 100
-"""The same once it has begun to look elsewhere, where it may look everywhere."""
+VARIED, RESTLESS = 120, 100
+"""The same where several candidates must work together and costs differ, so that searches end in many places; and once it
+has begun to look elsewhere, where it may look everywhere."""
+REMEMBERED = 12
+"""Most plans of searches of their own that are kept."""
 AIM = 1.1
 """Steps aim at the best bound times this, where that is below the plan's cost: far aims overshoot."""
 SHORTEST = 2e-3
@@ -97,6 +100,7 @@ class Block:
         self.step = step
         self.problem, self.kept = problem_of(form)
         self.is_fractional = bool((form.W.data < 1 - 1e-9).any())
+        self.is_varied = self.is_fractional and bool((self.problem.cost != self.problem.cost[:1]).any())
         self.plan: IntArray | None = None
         self.cost = math.inf
         self.bound = 0.0
@@ -105,6 +109,7 @@ class Block:
         self.hunt: Hunt | None = None
         self.hunted = self.kept
         self._resting: tuple[Hunt, IntArray] | None = None
+        self._others: list[IntArray] = []
         self._since = 0
         self.multipliers: Multipliers | None = None
         self.shares: Shares | None = None
@@ -157,7 +162,7 @@ class Block:
     @property
     def is_idle(self) -> bool:
         """Whether the search has long found nothing."""
-        patience = RESTLESS if self._refocused and not self.is_wide else PATIENCE
+        patience = RESTLESS if self._refocused and not self.is_wide else VARIED if self.is_varied else PATIENCE
         if self.hunt is None:
             return False
         return min(self.hunt.idle, self.hunt.moves - self._since) > patience * (self.problem.rows + 20)
@@ -310,6 +315,7 @@ class Block:
         """Start a search over some candidates, from the best plan if it is made of them."""
         from .hunt import Hunt
 
+        self._remember()
         self.hunt, self.hunted, self._since = Hunt(problem, self.seed, self.step), kept, 0
         is_anew = self._refocused and not self.is_wide and self._fruitless % 2 == 1
         if self.plan is not None and np.isin(self.plan, kept).all() and not is_anew:
@@ -318,6 +324,18 @@ class Block:
         self.hunt.begin()
         if self.plan is not None and not is_anew:
             self.hunt.resume(None, limit=self._enough)
+
+    def _remember(self) -> None:
+        """Keep the plan of a search that ends, if it found one: what it has in common with others is worth looking at."""
+        if self.hunt is not None and math.isfinite(self.hunt.cost):
+            found = self.hunted[self.hunt.plan]
+            if not any(np.array_equal(found, other) for other in self._others):
+                self._others = sorted([*self._others, found], key=lambda plan: float(self.form.c[plan].sum()))[:REMEMBERED]
+
+    @property
+    def others(self) -> tuple[IntArray, ...]:
+        """Plans of searches of their own, the cheapest first."""
+        return tuple(self._others)
 
     def bind(self, left: float = math.inf) -> bool:
         """Raise the bound by a few steps, of a few milliseconds and no more than what is left; whether it rose."""
@@ -524,6 +542,7 @@ class Block:
         if not self.is_idle or self.multipliers is None or self.hunt is None:
             return
         if self._resting is not None:
+            self._remember()
             (self.hunt, self.hunted), self._resting = self._resting, None
             self.hunt.resume(None, limit=self._enough)
             self._since = self.hunt.moves
