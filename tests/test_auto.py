@@ -185,14 +185,14 @@ def test_searches_that_end_leave_their_plans() -> None:
     form = as_cover(model)
     block = Course(form, unreduced(form), Session(model, Settings(time=30.0), ignore), 0.5).blocks[0]
     assert block.is_varied
-    while len(block.others) < 2:
+    while len(block.quest.others) < 2:
         block.search()
         if block.has_core:
             block.refocus()
         elif block.is_idle:
             while not block.has_core:
                 block.bind()
-    costs = [float(form.c[plan].sum()) for plan in block.others]
+    costs = [float(form.c[plan].sum()) for plan in block.quest.others]
     assert costs == sorted(costs)
     assert costs[0] == block.cost
-    assert all((form.W[:, plan].sum(axis=1) >= 1 - 1e-9).all() for plan in block.others)
+    assert all((form.W[:, plan].sum(axis=1) >= 1 - 1e-9).all() for plan in block.quest.others)

@@ -35,7 +35,7 @@ BURST = 0.02
 """Seconds of search of one block before the next has its turn."""
 BOUND = 0.06
 """Seconds of bounding after that, where the search has long found nothing."""
-EVEN, NEAR = 0.04, 0.015
+EVEN, FAR = 0.04, 0.03
 """Seconds of each instead where costs differ, as long as the gap, relative to the plan, is more than that."""
 RATE, SLOW = 2e5, 4e3
 """Entries that HiGHS takes in a second before it brings anything, where they are full and where several work together."""
@@ -297,14 +297,14 @@ class Course:
     def _look_at_parts(self, number: int) -> bool:
         """Exchange parts of the plan of a block whose search is quiet, now and then; whether it became cheaper.
 
-        Where entries are full, branch and bound comes first.
+        Unless plans are many and far from proven, everything else comes first.
         """
         block = self.blocks[number]
-        is_ready = block.is_open and block.has_core and block.is_quiet and (block.is_fractional or self._is_late)
+        is_ready = block.is_open and block.has_core and block.is_quiet and (_is_far(block) or self._is_late)
         if not is_ready or not Neighbourhoods.suit(block.form):
             return False
         if number not in self._parts:
-            self._parts[number] = Parts(Neighbourhoods(block.form, block.reduced, block.seed))
+            self._parts[number] = Parts(Neighbourhoods(block.form, block.reduced, self.session.settings.seed))
         parts = self._parts[number]
         if perf_counter() < parts.next:
             return False
@@ -319,7 +319,7 @@ class Course:
         end, cost = perf_counter() + EXCHANGED, block.cost
         try:
             while block.plan is not None and perf_counter() < end and not self.session.over():
-                if block.offer(neighbourhoods.turn(block.plan, self.session, block.others)):
+                if block.offer(neighbourhoods.turn(block.plan, self.session, block.quest.others)):
                     self._tell()
         except EngineFailed:
             # It only helps: the plan at hand stays.
@@ -335,7 +335,7 @@ class Course:
         if block.has_core:
             block.refocus()
         search, bound = (BURST, BOUND) if block.is_quiet else (BURST, BURST / 2)
-        if block.is_quiet and block.is_varied and not _is_close(block, NEAR):
+        if block.is_quiet and _is_far(block):
             search = bound = EVEN
         end = perf_counter() + (search if block.is_focused else 0.0)
         while perf_counter() < end and block.is_open and not session.over():
@@ -354,7 +354,7 @@ class Course:
     def _share_of(self, block: Block) -> float:
         if _is_close(block):
             return MOST
-        if block.is_fractional and Neighbourhoods.suit(block.form):
+        if _is_far(block) and Neighbourhoods.suit(block.form):
             # Parts and cores of it bring more.
             return 0.0
         return LESS * self.share if block.is_fractional else self.share
@@ -399,8 +399,13 @@ class Course:
         self._tell()
 
 
-def _is_close(block: Block, gap: float = CLOSE) -> bool:
-    return block.is_fractional and block.cost - block.bound < gap * block.cost
+def _is_close(block: Block) -> bool:
+    return block.is_fractional and block.cost - block.bound < CLOSE * block.cost
+
+
+def _is_far(block: Block) -> bool:
+    """Whether its costs differ, so that there are many plans, and better ones are likely."""
+    return block.is_varied and block.cost - block.bound > FAR * block.cost
 
 
 def _misses(model: Model, chosen: IntArray) -> float:

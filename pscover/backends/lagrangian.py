@@ -120,7 +120,7 @@ class Lagrangian:
         assert block.multipliers is not None
         cost = block.problem.cost
         price = np.maximum(block.multipliers.reduced, FLOOR * cost)
-        hunt = Hunt(block.problem, block.seed, block.step)
+        hunt = Hunt(block.problem, session.settings.seed, block.step)
         began = perf_counter()
         hunt.begin(price)
         taken = perf_counter() - began

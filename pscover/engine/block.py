@@ -15,15 +15,14 @@ from pscover.presolve import fix_by_reduced_cost, lagrangian
 
 from .account import Account
 from .certify import Known
-from .favoured import blurred, favoured
-from .problem import IntArray, Problem, problem_of
+from .problem import IntArray, problem_of
+from .quest import Quest
 from .rowwise import STEPS as TAKEN
 from .subgradient import BOUND, LENGTH, STEPS
 from .sweep import Sweep, worth
 
 if TYPE_CHECKING:
     from .cutting import Cutting
-    from .hunt import Hunt
     from .merging import Merging
     from .rowwise import Shares
     from .subgradient import Multipliers
@@ -50,8 +49,6 @@ CORE, RICH = 3, 12
 """Such candidates a row, where entries are full and where several must work together."""
 EACH, MANY = 5, 20
 """Of each row at least so many, in the two cases."""
-SIZES = ((12, 20), (7, 12), (4, 8))
-"""The same in turn where the search has looked everywhere."""
 GLANCE = 40
 """Subgradient steps between two looks at the clock, at most."""
 WORK = 400_000
@@ -70,8 +67,6 @@ PATIENCE = 300
 VARIED, RESTLESS = 120, 100
 """The same where several candidates must work together and costs differ, so that searches end in many places; and once it
 has begun to look elsewhere, where it may look everywhere."""
-REMEMBERED = 12
-"""Most plans of searches of their own that are kept."""
 AIM = 1.1
 """Steps aim at the best bound times this, where that is below the plan's cost: far aims overshoot."""
 SHORTEST = 2e-3
@@ -96,7 +91,7 @@ class Block:
     def __init__(self, form: CoverForm, columns: IntArray, seed: int, step: float) -> None:
         self.form = form
         self.columns = columns
-        self.seed = seed
+        self.quest = Quest(seed, step)
         self.step = step
         self.problem, self.kept = problem_of(form)
         self.is_fractional = bool((form.W.data < 1 - 1e-9).any())
@@ -106,11 +101,6 @@ class Block:
         self.bound = 0.0
         self.is_infeasible = False
         self.is_exhausted = False
-        self.hunt: Hunt | None = None
-        self.hunted = self.kept
-        self._resting: tuple[Hunt, IntArray] | None = None
-        self._others: list[IntArray] = []
-        self._since = 0
         self.multipliers: Multipliers | None = None
         self.shares: Shares | None = None
         self._priced: tuple[NDArray[np.float64], float] | None = None
@@ -128,8 +118,6 @@ class Block:
         self._swept = 0
         self._stall = 0
         self._has_tightened = False
-        self._refocused = False
-        self._fruitless = 0
 
     @property
     def is_open(self) -> bool:
@@ -162,15 +150,13 @@ class Block:
     @property
     def is_idle(self) -> bool:
         """Whether the search has long found nothing."""
-        patience = RESTLESS if self._refocused and not self.is_wide else VARIED if self.is_varied else PATIENCE
-        if self.hunt is None:
-            return False
-        return min(self.hunt.idle, self.hunt.moves - self._since) > patience * (self.problem.rows + 20)
+        patience = RESTLESS if self.quest.turns and not self.is_wide else VARIED if self.is_varied else PATIENCE
+        return self.quest.idle > patience * (self.problem.rows + 20)
 
     @property
     def is_quiet(self) -> bool:
         """Whether it has found nothing since it last chose where to look."""
-        return self.is_idle or self._fruitless > 0
+        return self.is_idle or self.quest.in_vain > 0
 
     @property
     def _enough(self) -> float:
@@ -183,7 +169,7 @@ class Block:
         if cost >= self.cost:
             return False
         self.plan, self.cost = np.sort(plan).astype(np.int32), cost
-        self._fruitless = 0
+        self.quest.in_vain = 0
         return True
 
     def prove(self, bound: float) -> bool:
@@ -218,7 +204,7 @@ class Block:
 
     def explore(self) -> bool:
         """A turn: a short search, prices of rows, a sweep if that is possible, else a tree; whether it helped."""
-        if self.hunt is None:
+        if not self.quest.has_begun:
             return self._search_briefly()
         if self.shares is None or self._extra > 0.0:
             self._note()
@@ -296,46 +282,22 @@ class Block:
         return True
 
     def _search_briefly(self) -> bool:
-        if self.hunt is None:
-            self._hunt_in(self.problem, self.kept)
-            assert self.hunt is not None
-        moved, most = False, self.hunt.moves + FIRST * self.problem.rows
-        while self.hunt.moves < most:
-            moved |= self.hunt.turn(most) and self.offer(self.hunted[self.hunt.plan])
+        """A short search; whether it found a better plan."""
+        self._begin_search()
+        moved = False
+        for plan in self.quest.briefly(FIRST * self.problem.rows):
+            moved |= self.offer(plan)
         return moved
 
     def search(self) -> bool:
         """A turn of local search; whether it found a better plan."""
-        if self.hunt is None:
-            self._hunt_in(self.problem, self.kept)
-            assert self.hunt is not None
-        return self.hunt.turn() and self.offer(self.hunted[self.hunt.plan])
+        self._begin_search()
+        plan = self.quest.turn()
+        return plan is not None and self.offer(plan)
 
-    def _hunt_in(self, problem: Problem, kept: IntArray) -> None:
-        """Start a search over some candidates, from the best plan if it is made of them."""
-        from .hunt import Hunt
-
-        self._remember()
-        self.hunt, self.hunted, self._since = Hunt(problem, self.seed, self.step), kept, 0
-        is_anew = self._refocused and not self.is_wide and self._fruitless % 2 == 1
-        if self.plan is not None and np.isin(self.plan, kept).all() and not is_anew:
-            self.hunt.resume(np.searchsorted(kept, self.plan).astype(np.int32))
-            return
-        self.hunt.begin()
-        if self.plan is not None and not is_anew:
-            self.hunt.resume(None, limit=self._enough)
-
-    def _remember(self) -> None:
-        """Keep the plan of a search that ends, if it found one: what it has in common with others is worth looking at."""
-        if self.hunt is not None and math.isfinite(self.hunt.cost):
-            found = self.hunted[self.hunt.plan]
-            if not any(np.array_equal(found, other) for other in self._others):
-                self._others = sorted([*self._others, found], key=lambda plan: float(self.form.c[plan].sum()))[:REMEMBERED]
-
-    @property
-    def others(self) -> tuple[IntArray, ...]:
-        """Plans of searches of their own, the cheapest first."""
-        return tuple(self._others)
+    def _begin_search(self) -> None:
+        if not self.quest.has_begun:
+            self.quest.begin(self.problem, self.kept, self.plan, self._enough)
 
     def bind(self, left: float = math.inf) -> bool:
         """Raise the bound by a few steps, of a few milliseconds and no more than what is left; whether it rose."""
@@ -475,9 +437,20 @@ class Block:
             fixed = fix_by_reduced_cost(self.form, reduced, lower, self.cost, step=self.step)
             self._leave_out(np.isin(self.kept, fixed.zero))
         self.has_core = True
-        if self.is_wide or self._refocused:
-            core = self.form.allowed & self._favoured(reduced)
-            self._hunt_in(*problem_of(CoverForm(c=self.form.c, W=self.form.W, P=self.form.P, allowed=core)))
+        if self.is_wide or self.quest.turns:
+            self._search_favoured(reduced)
+
+    def _search_favoured(self, reduced: NDArray[np.float64]) -> None:
+        """Search among favoured candidates and those of the plan; every second time that all were searched, from scratch."""
+        overall, each = (RICH, MANY) if self.is_fractional else (CORE, EACH)
+        if not self.is_wide:
+            overall, each = self.quest.sizes
+        core = self.form.allowed & self.quest.favoured(self.form.W, reduced, overall, each)
+        if self.plan is not None:
+            core[self.plan] = True
+        part = problem_of(CoverForm(c=self.form.c, W=self.form.W, P=self.form.P, allowed=core))
+        is_anew = not self.is_wide and self.quest.in_vain % 2 == 1
+        self.quest.begin(*part, None if is_anew else self.plan, self._enough)
 
     def _leave_out(self, gone: NDArray[np.bool_]) -> None:
         """Go on without some of the candidates kept, if they are many."""
@@ -500,7 +473,8 @@ class Block:
         self._stall, self._has_tightened = 2 if self._has_cut and self.is_fractional else 0, False
         self.cutting = self.merging = None
         self._merges = 0
-        self.hunt = self.branching = self.sweep = self._resting = None
+        self.branching = self.sweep = None
+        self.quest.end()
         self._swept = 0
 
     def _note(self) -> None:
@@ -537,37 +511,16 @@ class Block:
     def refocus(self) -> None:
         """Choose anew which candidates are favoured, by the multipliers as they are now, once the search is idle.
 
-        A search that has looked everywhere goes on in turn with those: it has learnt which rows are hard.
+        A search that has looked everywhere goes on in turn with those.
         """
-        if not self.is_idle or self.multipliers is None or self.hunt is None:
+        if not self.is_idle or self.multipliers is None or self.quest.returns(self._enough):
             return
-        if self._resting is not None:
-            self._remember()
-            (self.hunt, self.hunted), self._resting = self._resting, None
-            self.hunt.resume(None, limit=self._enough)
-            self._since = self.hunt.moves
-            return
-        resting, problem = (self.hunt, self.hunted), self.problem
-        self.seed += 1
-        self._fruitless += 1
-        self._refocused = True
+        problem, search = self.problem, self.quest.turn_elsewhere()
         self._shrink_by_prices()
-        self._resting = None if self.is_wide or self.problem is not problem else resting
+        self.quest.let_rest(None if self.is_wide or self.problem is not problem else search)
 
     def model(self) -> tuple[Model, IntArray]:
         """What is left as a model, with the inequalities found for its rows, and its candidates in the block."""
         kept = problem_of(self.form)[1]
         rows = vstack([self.form.W, self._inequalities], format="csr")
         return model_of(replace(self.form, W=csr_array(rows)).among(kept)), kept
-
-    def _favoured(self, reduced: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """The candidates that the search looks at: favoured ones, and those of the plan."""
-        overall, each = (RICH, MANY) if self.is_fractional else (CORE, EACH)
-        if not self.is_wide:
-            overall, each = SIZES[self._fruitless // 2 % len(SIZES)]
-        if self._refocused:
-            reduced = blurred(reduced, overall * self.form.W.shape[0], np.random.default_rng(self.seed))
-        chosen = favoured(self.form.W, reduced, overall, each)
-        if self.plan is not None:
-            chosen[self.plan] = True
-        return chosen
