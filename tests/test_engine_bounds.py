@@ -151,7 +151,7 @@ def explored(block: Block) -> None:
         block.explore()
         assert block.shares is not None
         paid = np.bincount(block.shares.candidate, block.shares.share, block.problem.candidates)
-        assert block.sweep is None or (paid <= block.problem.cost * (1 + 1e-9)).all()
+        assert block._exact is None or (paid <= block.problem.cost * (1 + 1e-9)).all()
 
 
 def test_merged_rows_bound_plans() -> None:

@@ -19,28 +19,22 @@ from .problem import IntArray, problem_of
 from .quest import Quest
 from .rowwise import STEPS as TAKEN
 from .subgradient import BOUND, LENGTH, STEPS
-from .sweep import Sweep, worth
+from .sweep import worth
 
 if TYPE_CHECKING:
     from .cutting import Cutting
+    from .exact import Exact
     from .merging import Merging
     from .rowwise import Shares
     from .subgradient import Multipliers
-    from .tree import Branching
 
 BUSHY, PLAIN = 12_000, 600
 """Most entries for which branch and bound of our own is tried, where several must work together and where they are full."""
 FEW, PROMISING = 30, 0.1
 """Branch and bound of our own is likely to finish if there are no more rows than this, or prices leave out such a part for
 as many rows, and so much more for more."""
-TURN = 12_800
-"""Entries that a turn of it looks at: a few milliseconds."""
-SWIFT = 25
-"""How many times as much a sweep looks at in that time."""
 FIRST = 20
 """Moves a row of local search before it begins."""
-BETWEEN = 1_000_000
-"""What a sweep looks at before as many more of them follow."""
 ROUGH, ROOT = 100, 60
 """Steps on multipliers of rows and on shares before a sweep begins."""
 WIDE = 12
@@ -112,10 +106,8 @@ class Block:
         self.merging: Merging | None = None
         self._merges = 0
         self.has_core = False
-        self.branching: Branching | None = None
-        self.sweep: Sweep | None = None
+        self._exact: Exact | None = None
         self._account = Account(self.problem, self.kept)
-        self._swept = 0
         self._stall = 0
         self._has_tightened = False
 
@@ -198,9 +190,8 @@ class Block:
 
     @property
     def work(self) -> int:
-        """What branch and bound has looked at, and the sweep in the same time."""
-        tree = 0 if self.branching is None else self.branching.work
-        return tree if self.sweep is None else tree + self.sweep.work // SWIFT
+        """What branch and bound has looked at."""
+        return 0 if self._exact is None else self._exact.work
 
     def explore(self) -> bool:
         """A turn: a short search, prices of rows, a sweep if that is possible, else a tree; whether it helped."""
@@ -209,13 +200,18 @@ class Block:
         if self.shares is None or self._extra > 0.0:
             self._note()
             return self._price()
-        if self.sweep is None and self.branching is None and self.problem.is_split:
-            # Without a plan, there are no targets to rise: all partial plans go on.
-            step = self.step if self.plan is not None else 0.0
-            self.sweep = Sweep(self.problem, self.shares, self._hopeless(), self.bound, step)
-        if self.sweep is not None and not self.sweep.has_given_up:
-            return self._sweep()
-        return self._branch()
+        if self._exact is None:
+            from .exact import Exact
+
+            self._exact = Exact(self.problem, self.shares, self._hopeless(), self.bound, self.cost, self.step)
+        exact = self._exact
+        if exact.wants_a_search():
+            return self._search_briefly()
+        plan = exact.turn(self.cost)
+        moved = plan is not None and self.offer(self.kept[plan])
+        if exact.is_finished:
+            return self._exhausted()
+        return self.prove(min(exact.lower, self.cost)) or moved
 
     def _price(self) -> bool:
         """Share the candidates' costs among their rows; whether the bound rose or proved something."""
@@ -242,37 +238,6 @@ class Block:
         bound = float(self.shares.value[rowwise.BOUND]) - self._extra
         most: NDArray[np.bool_] = bound + self.shares.penalty > worth(self.cost, self.step) + 1e-7
         return most
-
-    def _branch(self) -> bool:
-        """A turn of the tree; whether it helped."""
-        from .tree import Branching
-
-        assert self.shares is not None
-        if self.branching is None:
-            self.branching = Branching(self.problem, self.shares, self.cost, self.step)
-        tree, moved = self.branching, False
-        tree.know(self.cost)
-        if tree.turn(TURN):
-            assert tree.plan is not None
-            moved = self.offer(self.kept[tree.plan])
-        if tree.is_finished:
-            return self._exhausted()
-        return self.prove(min(tree.lower, self.cost)) or moved
-
-    def _sweep(self) -> bool:
-        """A turn of the sweep, or of the search for a plan that spares it work; whether it helped."""
-        assert self.sweep is not None
-        sweep = self.sweep
-        if sweep.work >= self._swept + BETWEEN:
-            self._swept = sweep.work
-            return self._search_briefly()
-        most = worth(self.cost, self.step) if math.isfinite(self.cost) else 2 * float(self.problem.cost.sum()) + 1
-        if sweep.turn(SWIFT * TURN, most):
-            assert sweep.plan is not None
-            self.offer(self.kept[sweep.plan])
-        if sweep.is_finished:
-            return self._exhausted()
-        return self.prove(min(sweep.lower, self.cost))
 
     def _exhausted(self) -> bool:
         """Nothing is left to look at: the plan at hand is the best, or there is none."""
@@ -473,9 +438,8 @@ class Block:
         self._stall, self._has_tightened = 2 if self._has_cut and self.is_fractional else 0, False
         self.cutting = self.merging = None
         self._merges = 0
-        self.branching = self.sweep = None
+        self._exact = None
         self.quest.end()
-        self._swept = 0
 
     def _note(self) -> None:
         """Keep what rows pay now for a certificate, if it is the best so far."""
@@ -488,8 +452,8 @@ class Block:
         if self.cutting is not None and math.isfinite(self.cutting.bound):
             self._adopt_prices(self.cutting)
         self._note()
-        sweep = self.sweep
-        is_swept = sweep is not None and not sweep.has_given_up and (sweep.is_finished or sweep.lower >= self.bound - 1e-9)
+        exact = self._exact
+        is_swept = exact is not None and exact.sweeps and (exact.is_finished or exact.lower >= self.bound - 1e-9)
         if is_swept and math.isfinite(self.cost):
             order = self.order()
         elif math.isfinite(self.cost) and not self.is_open:
