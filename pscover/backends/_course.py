@@ -57,7 +57,7 @@ HASTY = 100_000
 """Entries of a block that it looks at where that does not promise much."""
 AT_ONCE, HURRIED = 0.25, 0.04
 """The part of the time that this may take, in the two cases."""
-PAUSED, EXCHANGED = 0.6, 0.6
+PAUSED, EXCHANGED = 0.6, 1.0
 """Seconds of search between two looks at parts of plans, longer where they bring nothing, and of these."""
 LONGER = 1.5
 """By what the former grow then."""
@@ -295,13 +295,13 @@ class Course:
             self._settle(self.session.left)
 
     def _look_at_parts(self, number: int) -> bool:
-        """Exchange parts of the plan of a block whose search is quiet, now and then; whether it became cheaper.
+        """Exchange parts of a block's plan now and then, once its search is quiet; whether it became cheaper.
 
         Unless plans are many and far from proven, everything else comes first.
         """
         block = self.blocks[number]
-        is_ready = block.is_open and block.has_core and block.is_quiet and (_is_far(block) or self._is_late)
-        if not is_ready or not Neighbourhoods.suit(block.form):
+        is_ready = self._is_late or (block.is_quiet and _is_far(block))
+        if not (is_ready and block.is_open and block.has_core and Neighbourhoods.suit(block.form)):
             return False
         if number not in self._parts:
             self._parts[number] = Parts(Neighbourhoods(block.form, block.reduced, self.session.settings.seed))
