@@ -16,12 +16,6 @@ SHORT = 0.02
 """Once steps are this short, they start anew, longer, and are shortened with more patience."""
 NEAR = 0.005
 """Steps from good shares on are so short at first."""
-RESTART = 0.1
-"""The length with which patient steps begin."""
-PERIOD = 10
-"""Steps after which the length of a step is reconsidered."""
-NEVER = 1e30
-"""The price of what cannot be."""
 BOUND, LENGTH, TOP, STEPS, PATIENT = range(5)
 
 
@@ -194,15 +188,8 @@ def improve(problem: Problem, state: Shares, steps: int, goal: float) -> float:
     widest = int(state.group.max(initial=-1)) + 1
     levels = max(int(state.low.max(initial=0)), int(state.high.max(initial=0)))
     table, begins = np.empty((widest + 1) * (levels + 1) * (2 * state.full + 1)), np.empty(widest + 1, dtype=np.int32)
-    room = table, begins, np.empty(problem.rows), np.empty(n), np.empty(n)
-    value, is_over = state.value, False
-    while steps > 0 and not is_over:
-        some = min(steps, PERIOD - int(value[STEPS]) % PERIOD)
-        is_over = bool(move(problem.cost, state, some, goal, *room))
-        steps -= some
-        if not is_over and value[STEPS] % PERIOD == 0:
-            _reconsider(state)
-    return float(value[BOUND])
+    move(problem.cost, state, steps, goal, table, begins, np.empty(problem.rows), np.empty(n), np.empty(n))
+    return float(state.value[BOUND])
 
 
 @kernel
@@ -216,11 +203,8 @@ def move(
     least: FloatArray,
     penalty: FloatArray,
     mean: FloatArray,
-) -> bool:
-    """Move shares, with room for the prices and beginnings of a row's cliques, for a number a row and two a candidate.
-
-    Whether no move is left.
-    """
+) -> None:
+    """Move shares, with room for the prices and beginnings of a row's cliques, for a number a row and two a candidate."""
     share, value, n, full = state.share, state.value, len(cost), state.full
     for _ in range(steps):
         total = 0.0
@@ -230,7 +214,7 @@ def move(
             cheapest, final = _solve_row(state, j, table, begins)
             if cheapest >= NEVER:
                 value[BOUND] = np.inf
-                return True
+                return
             least[j] = cheapest
             total += cheapest
             if state.low[j] == 0 and state.high[j] < 0:
@@ -244,9 +228,9 @@ def move(
             copy(state.kept, share)
             copy(state.penalty, penalty)
             copy(state.least, least)
+        _reconsider(value, share, state.kept)
         if goal <= total:
-            return True
-        value[STEPS] += 1
+            return
         for t in range(len(share)):
             old, new = state.mean[t], state.chosen[t]
             new = new if old < 0.0 else 0.8 * old + 0.2 * new
@@ -261,7 +245,7 @@ def move(
             d = state.mean[t] - mean[state.candidate[t]]
             norm += d * d
         if norm <= 1e-18:
-            return True
+            return
         length = value[LENGTH] * (goal - total) / norm
         for t in range(len(share)):
             i = state.candidate[t]
@@ -273,12 +257,18 @@ def move(
             if penalty[i] > 0.0:
                 # Rounding must not let shares sum to more than the cost.
                 share[t] *= cost[i] / penalty[i] * (1.0 - 1e-14)
-    return False
 
 
-def _reconsider(state: Shares) -> None:
-    """At the end of a period: longer steps if the bound has risen, else shorter ones, at first from the best point."""
-    value = state.value
+NEVER = 1e30
+"""The price of what cannot be."""
+
+
+@inner
+def _reconsider(value: FloatArray, share: FloatArray, kept: FloatArray) -> None:
+    """Every tenth step: longer steps if the bound has risen, else shorter ones; at first boldly, from the best point."""
+    value[STEPS] += 1
+    if value[STEPS] % 10 != 0:
+        return
     top, length = value[TOP], value[LENGTH]
     rise = value[BOUND] - top
     value[TOP] = value[BOUND]
@@ -288,11 +278,17 @@ def _reconsider(state: Shares) -> None:
         length *= 1.25
     else:
         length *= 0.5
-        state.share[:] = state.kept
-        if length < SHORT:
-            value[PATIENT] = 1.0
-            length = RESTART
-    value[LENGTH] = min(1.0, length)
+        copy(share, kept)
+    if length > 1.0:
+        length = 1.0
+    if value[PATIENT] == 0.0 and length < SHORT:
+        value[PATIENT] = 1.0
+        length = RESTART
+    value[LENGTH] = length
+
+
+RESTART = 0.1
+"""The length with which patient steps begin."""
 
 
 @inner

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .jit import copy, kernel
+from .jit import copy, inner, kernel
 from .problem import FloatArray, IntArray, Problem
 
 PERIOD = 20
 """Steps after which the length of a step is reconsidered."""
 # Places in Multipliers.value.
-BOUND, LENGTH, HIGH, STEPS, LAST = range(5)
+BOUND, LENGTH, LOW, HIGH, STEPS, LAST = range(6)
 
 
 class Multipliers(NamedTuple):
@@ -29,8 +29,8 @@ class Multipliers(NamedTuple):
     chosen
         Shape (candidates,): what the inner problem chose last, averaged over steps: near a point of the relaxation.
     value
-        The best bound, the step length, the highest bound of the period, the number of steps, and the best bound when the
-        period began.
+        The best bound, the step length, lowest and highest bound of the period, the number of steps, and the best bound when
+        the period began.
     """
 
     y: FloatArray
@@ -61,7 +61,7 @@ def carried(problem: Problem, old: Multipliers) -> Multipliers:
 def begun(problem: Problem, y: FloatArray, length: float) -> Multipliers:
     """The method at multipliers y, before its first step, which is of such a length."""
     n, m = problem.candidates, len(y)
-    value = np.array([-np.inf, length, -np.inf, 0.0, 0.0])
+    value = np.array([-np.inf, length, np.inf, -np.inf, 0.0, 0.0])
     return Multipliers(y.copy(), y.copy(), problem.cost.copy(), np.zeros(m), np.zeros(n), value)
 
 
@@ -71,17 +71,10 @@ def ascend(problem: Problem, state: Multipliers, steps: int, goal: float) -> flo
     The bound is sum_j y_j + sum over cliques of min(0, least reduced cost) + the negative reduced costs outside cliques:
     valid because a candidate's other cliques are left out. `goal` is the cost of a plan, which the steps aim at.
     """
-    n, cliques, value = problem.candidates, int(problem.cliques[0]), state.value
+    n, cliques = problem.candidates, int(problem.cliques[0])
     whole = np.empty(n + cliques, dtype=np.int32)
-    room = np.empty(problem.rows), np.empty(n), np.empty(cliques), whole[:n], whole[n:]
-    is_over = False
-    while steps > 0 and not is_over:
-        some = min(steps, PERIOD - int(value[STEPS]) % PERIOD)
-        is_over = bool(climb(problem, state, some, goal, *room))
-        steps -= some
-        if not is_over and value[STEPS] % PERIOD == 0:
-            _reconsider(state)
-    return float(value[BOUND])
+    climb(problem, state, steps, goal, np.empty(problem.rows), np.empty(n), np.empty(cliques), whole[:n], whole[n:])
+    return float(state.value[BOUND])
 
 
 @kernel
@@ -95,8 +88,8 @@ def climb(
     least: FloatArray,
     picked: IntArray,
     which: IntArray,
-) -> bool:
-    """Take steps, with room for a number of each row, two of each candidate and two of each clique; whether none is left."""
+) -> None:
+    """Take steps, with room for a number of each row, two of each candidate and two of each clique."""
     n, m = len(reduced), len(slack)
     y, value, chosen, columns, cptr = state.y, state.value, state.chosen, problem.columns, problem.cptr
     for _ in range(steps):
@@ -141,9 +134,7 @@ def climb(
             value[BOUND] = total
             copy(state.kept, y)
             copy(state.reduced, reduced)
-        if total > value[HIGH]:
-            value[HIGH] = total
-        value[STEPS] += 1
+        _reconsider(value, total, y, state.kept)
         norm = 0.0
         for j in range(m):
             d = slack[j]
@@ -153,21 +144,30 @@ def climb(
             state.direction[j] = d
             norm += d * d
         if norm <= 1e-18 or goal <= total:
-            return True
+            break
         step = value[LENGTH] * (goal - total) / norm
         for j in range(m):
             more = y[j] + step * state.direction[j]
             y[j] = more if more > 0.0 else 0.0
-    return False
 
 
-def _reconsider(state: Multipliers) -> None:
+@inner
+def _reconsider(value: FloatArray, total: float, y: FloatArray, kept: FloatArray) -> None:
     """At the end of a period: steady progress asks for longer steps, none for shorter ones from the best point."""
-    value = state.value
+    if total < value[LOW]:
+        value[LOW] = total
+    if total > value[HIGH]:
+        value[HIGH] = total
+    value[STEPS] += 1
+    if value[STEPS] % PERIOD != 0:
+        return
     length, high, last = value[LENGTH], value[HIGH], value[LAST]
     if high > last + 1e-4 * abs(last):
-        value[LENGTH] = min(2.0, length * 1.3)
+        length *= 1.3
+        value[LENGTH] = length if length < 2.0 else 2.0
     elif high <= last:
-        value[LENGTH] = max(1e-4, length * 0.6)
-        state.y[:] = state.kept
-    value[HIGH], value[LAST] = -np.inf, value[BOUND]
+        length *= 0.6
+        value[LENGTH] = length if length > 1e-4 else 1e-4
+        copy(y, kept)
+    value[LAST] = value[BOUND]
+    value[LOW], value[HIGH] = np.inf, -np.inf
