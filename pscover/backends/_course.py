@@ -59,7 +59,7 @@ AT_ONCE, HURRIED = 0.25, 0.04
 """The part of the time that this may take, in the two cases."""
 PAUSED, EXCHANGED = 0.6, 1.0
 """Seconds of search between two looks at parts of plans, longer where they bring nothing, and of these."""
-LONGER = 1.5
+LONGER = 2.0
 """By what the former grow then."""
 SHORTEST = 0.3
 """Seconds that must be left for branch and bound in a process of its own to be of use."""
@@ -70,7 +70,7 @@ class Parts:
     """When parts of a block's plan are looked at."""
 
     neighbourhoods: Neighbourhoods
-    next: float = 0.0
+    next: float
     pause: float = PAUSED
 
 
@@ -304,7 +304,8 @@ class Course:
         if not (is_ready and block.is_open and block.has_core and Neighbourhoods.suit(block.form)):
             return False
         if number not in self._parts:
-            self._parts[number] = Parts(Neighbourhoods(block.form, block.reduced, self.session.settings.seed))
+            neighbourhoods = Neighbourhoods(block.form, block.reduced, self.session.settings.seed)
+            self._parts[number] = Parts(neighbourhoods, perf_counter() + PAUSED)
         parts = self._parts[number]
         if perf_counter() < parts.next:
             return False
